@@ -6,19 +6,21 @@ import pytest
 
 from bender_hil.bench_file import emulated_bench
 from bender_hil.check import dry_runs
+from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_hil.supply.source import Bounds
 from bender_loop.errors import InputError, RunError
 
 
 @pytest.mark.parametrize(
-    ("error", "advice"),
+    ("error", "what", "advice"),
     [
-        (InputError("maximum_V must lie within -10 ... 10 V"), "correct the bench file"),
-        (RunError("silent"), "searching"),
+        (InputError("maximum_V must lie within -10 ... 10 V"), "dry run at 0 V", "correct the bench file"),
+        (NoSensorError("refused"), "sensor", "look at its cable, and at [sensor]; a search"),
+        (RunError("silent"), "dry run at 0 V", "look at cables and addresses; a search"),
     ],
 )
-def test_only_a_source_that_does_not_answer_is_searched_for(
-    error: Exception, advice: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_only_what_does_not_answer_is_searched_for(
+    error: Exception, what: str, advice: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     def fail(*_: object) -> None:
         raise error
@@ -26,6 +28,7 @@ def test_only_a_source_that_does_not_answer_is_searched_for(
     monkeypatch.setattr(dry_runs, "_run", fail)
     monkeypatch.setattr(dry_runs, "connected", list)
     (finding,), _ = dry_runs.check_at_rest(emulated_bench(), tmp_path, Path)
+    assert finding.what == what
     assert advice in finding.advice
 
 

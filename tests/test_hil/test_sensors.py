@@ -1,7 +1,9 @@
 """Sensors that are no camera: their words, their calibration, and what the loop sees of them."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from bender_hil.sensors.meter_dialect import METERS
 from bender_hil.sensors.multimeter import Multimeter, MultimeterSettings
 from bender_hil.sensors.pace import Pace
 from bender_hil.sensors.sensor import Reading
-from bender_hil.sensors.sensor_eyes import SensorEyes
+from bender_hil.sensors.sensor_eyes import NoSensorError, SensorEyes
 from bender_hil.sensors.table import SensorTable, conversion
 from bender_hil.sensors.text_line import TextLineSettings
 from bender_hil.supply.failures import ComplaintError, MismatchError, WrongInstrumentError
@@ -142,10 +144,13 @@ class Scripted:
     serials: list[str] = field(default_factory=lambda: ["1"])
     fails_at: int = -1
     blocks_at: int = -1
+    gone_after: int = -1
     count: int = 0
     opened: int = 0
 
     def open(self) -> Identity:
+        if 0 <= self.gone_after <= self.opened:
+            raise ValueError("gone")
         self.opened += 1
         return Identity("me", "scripted", self.serials[min(self.opened, len(self.serials)) - 1], "1")
 
@@ -173,6 +178,13 @@ def _last(eyes: SensorEyes, seconds: float = 0.5) -> Sight:
         sight = eyes.look(0.05) or sight
     assert sight is not None
     return sight
+
+
+def _wait(until: Callable[[], bool], seconds: float = 5.0) -> None:
+    end_s = time.perf_counter() + seconds
+    while not until():
+        assert time.perf_counter() < end_s
+        time.sleep(0.005)
 
 
 def test_displacements_count_from_the_rest_position():
@@ -210,6 +222,41 @@ def test_a_sensor_that_fails_is_opened_anew():
         eyes.zero(10)
         assert _last(eyes).tip_um is not None
         assert eyes.reopened == 1
+
+
+@pytest.mark.parametrize(
+    ("found", "sentence"),
+    [
+        (5.0, "read gave 5.0, expected a Reading or None"),
+        (Reading("5.0", 0.0), "expected numbers for value and time_s"),  # pyright: ignore[reportArgumentType]
+        (Reading(5.0, 1e12), "expected a time of time.perf_counter"),
+    ],
+)
+def test_what_is_no_reading_is_told_and_not_used(found: Any, sentence: str):
+    sensor = Scripted(_noisy(500))
+    with SensorEyes(sensor, lambda value: value) as eyes:
+        eyes.zero(5)
+        sensor.read = lambda timeout_s: found  # pyright: ignore[reportAttributeAccessIssue]
+        _wait(lambda: sentence in eyes.trouble())
+        while eyes.look(0.0):
+            pass
+        assert eyes.look(0.2) is None
+        del sensor.read  # pyright: ignore[reportAttributeAccessIssue]
+        _wait(lambda: eyes.look(0.1) is not None)
+        assert eyes.trouble() == ""
+
+
+def test_a_sensor_that_stays_away_says_why_it_failed_and_why_it_cannot_be_opened():
+    sensor = Scripted(_noisy(500), fails_at=15, gone_after=1)
+    with SensorEyes(sensor, lambda value: value) as eyes:
+        eyes.zero(5)
+        _wait(lambda: eyes.trouble() == "cable; it cannot be opened anew: ValueError: gone")
+
+
+def test_a_sensor_that_cannot_be_opened_is_named():
+    sensor = Scripted([], gone_after=0)
+    with pytest.raises(NoSensorError, match=r"laser \(here\): .*ValueError: gone; is it switched on"):
+        SensorEyes(sensor, lambda value: value, name="laser (here)").__enter__()
 
 
 def test_another_sensor_at_the_address_is_not_believed():

@@ -18,6 +18,7 @@ from bender_hil.log.results import write_results
 from bender_hil.runner.program import OpenLoop
 from bender_hil.runner.run import RunResult, run
 from bender_hil.runner.voltages import Voltages
+from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_loop.errors import InputError, RunError
 
 REST_S, STEP_S, AFTER_S = 2.0, 1.5, 1.0
@@ -44,14 +45,20 @@ def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding],
     """Run at 0 V; returns what was found, and the log where there was a run."""
     try:
         result = _run(bench, Voltages((0.0,), (0.0,), REST_S), out, fmu)
+    except NoSensorError as error:
+        return [Finding("sensor", FAILED, str(error), f"look at its cable, and at [sensor]; {_found_here()}")], None
     except InputError as error:
         return [Finding("dry run at 0 V", FAILED, str(error), "correct the bench file")], None
     except RunError as error:
-        there = connected()
-        advice = f"connected here: {'; '.join(there)}" if there else "nothing is found by searching this machine"
-        return [Finding("dry run at 0 V", FAILED, str(error), advice)], None
+        return [Finding("dry run at 0 V", FAILED, str(error), f"look at cables and addresses; {_found_here()}")], None
     found = [*_source(result.log), *_sensor(bench, result.log), _end("dry run at 0 V", result)]
     return found, result.log
+
+
+def _found_here() -> str:
+    """What a search of this machine finds, for a wrong address; instruments of the network are not found so."""
+    there = connected()
+    return f"connected here: {'; '.join(there)}" if there else "a search of USB and serial ports finds nothing"
 
 
 def check_answer(bench: BenchFile, out: Path, fmu: Fmu, noise_um: float) -> list[Finding]:

@@ -32,7 +32,7 @@ from bender_hil.runner.run_folder import plain, run_directory, sha256, versions
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sensors.table import conversion
-from bender_hil.sources.kinds import SourceSettings
+from bender_hil.sources.kinds import SourceSettings, address_of
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import write_record
 from bender_loop.shell.messages import ClosedError
@@ -42,6 +42,7 @@ EMULATED_DELAY_S = 0.002
 `bender benchmark hil` measures it as photon to frame."""
 
 
+_WITHOUT_READINGS = ("frame_age", "camera_stalled")
 _STALL_S = 0.5
 """Beyond the age of a frame, for samples that come in blocks."""
 
@@ -171,7 +172,7 @@ def run(
         loop = _loop(bench, program, eyes, guard, journal, ring, witness, heard)
         begin = partial(started, emulated) if started is not None else None
         failure = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
-        ended = guard.wait()
+        ended = _explained(guard.wait(), eyes)
         if stop is not None and not ended.alarm:
             # over an output that may be on, the button goes on asking, and says what to press when nobody answers
             stop.armed(None)
@@ -182,7 +183,14 @@ def run(
             names, complaint = ring.keep(out / "frames", eyes)
             unwritten += [complaint] if complaint else []
         try:
-            journal.write("stop", status=int(ended.status), code=ended.code, alarm=ended.alarm, frames=names)
+            journal.write(
+                "stop",
+                status=int(ended.status),
+                code=ended.code,
+                sentence=ended.sentence,
+                alarm=ended.alarm,
+                frames=names,
+            )
             journal.sync()
         except JournalError as error:
             unwritten.append(f"{out / RUN}: its end is missing ({error.strerror})")
@@ -250,6 +258,12 @@ def _looped(
             raise
         guard.stop()
     return None
+
+
+def _explained(ended: Ended, eyes: CameraEyes | SensorEyes) -> Ended:
+    """An end for want of readings with what the sensor itself raised: the guard sees only that they are missing."""
+    why = eyes.trouble() if isinstance(eyes, SensorEyes) and ended.code in _WITHOUT_READINGS else ""
+    return ended._replace(sentence=f"{ended.sentence} ({why})") if why else ended
 
 
 def _with_alarm(error: RunError, ended: Ended) -> RunError:
@@ -323,7 +337,8 @@ def _open_sensor(
     if buffered and not can_record(sensor):
         raise InputError(f'--buffered: a {table.kind} does not record by the clock of the source; use kind = "daq"')
     to_um = conversion(sensor.unit, calibration)
-    eyes = SensorEyes(sensor, to_um, table.valid, repeats_count=table.repeats_count)
+    name = f"{table.kind} ({address_of(table.instrument)})"
+    eyes = SensorEyes(sensor, to_um, table.valid, repeats_count=table.repeats_count, name=name)
     identity = ends.enter_context(eyes).identity
     told = None if identity is None else identity._asdict()
     return {"sensor": {"kind": table.kind, "identity": told, "cannot": list(sensor.cannot)}}, eyes

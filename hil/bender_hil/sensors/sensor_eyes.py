@@ -1,13 +1,15 @@
 """A sensor as the loop wants it: the newest reading, in µm from the rest position.
 
 A thread reads, as the camera's does, so that a sensor that blocks shows as a stall and not as a loop that stands
-still. Readings that nobody fetched are replaced by the next one and counted. A sensor that fails is closed and opened
-anew, and has to be the one that was there at first.
+still. Readings that nobody fetched are replaced by the next one and counted. A sensor that fails, or gives what is
+no reading, is closed and opened anew, and has to be the one that was there at first.
 """
 
+import contextlib
 import math
 import threading
 import time
+from numbers import Real
 from types import TracebackType
 from typing import Self
 
@@ -23,8 +25,13 @@ _FIRST_READING_S = 10.0
 _WAIT_S = 0.1
 _REOPEN_S = 0.1
 _CLOSING_S = 3.0
+_AHEAD_S = 0.01
 _REPEATS = 3
 """So many times the longest row of equal readings at rest is no accident any more: the sensor hangs."""
+
+
+class NoSensorError(InputError):
+    """The sensor cannot be opened, or something else answers."""
 
 
 class SensorEyes:
@@ -35,6 +42,7 @@ class SensorEyes:
         to_um: from its unit to micrometres; NaN where it is not valid.
         valid: readings outside are none; None for no such bounds.
         repeats_count: whether readings may repeat for ever.
+        name: of the sensor and where it is, for messages.
 
     Attributes:
         identity: what the sensor said of itself, once it is open.
@@ -43,9 +51,15 @@ class SensorEyes:
     """
 
     def __init__(
-        self, sensor: Sensor, to_um: ToUm, valid: tuple[float, float] | None = None, *, repeats_count: bool = False
+        self,
+        sensor: Sensor,
+        to_um: ToUm,
+        valid: tuple[float, float] | None = None,
+        *,
+        repeats_count: bool = False,
+        name: str = "sensor",
     ) -> None:
-        self._sensor, self._to_um, self._valid = sensor, to_um, valid
+        self._sensor, self._to_um, self._valid, self._name = sensor, to_um, valid, name
         self._repeats_count = repeats_count
         self._news = threading.Condition()
         self._closing = threading.Event()
@@ -64,16 +78,16 @@ class SensorEyes:
         """Open the sensor.
 
         Raises:
-            InputError: it cannot be opened, or something else answers.
+            NoSensorError: it cannot be opened, or something else answers.
         """
         try:
-            self.identity = self._sensor.open()
-        except InputError:
-            self._sensor.close()
-            raise
+            self.identity = self._opened()
         except Exception as error:  # a sensor fails in its own way
-            self._sensor.close()
-            raise InputError(f"the sensor cannot be opened: {_words(error)}") from error
+            self._close()
+            sentence = f"{self._name}: the sensor cannot be opened: {_words(error)}"
+            raise NoSensorError(
+                sentence if isinstance(error, InputError) else f"{sentence}; is it switched on?"
+            ) from error
         self._fresh_s = time.perf_counter()
         self._thread.start()
         return self
@@ -86,7 +100,7 @@ class SensorEyes:
             self._news.notify_all()
         self._thread.join(_CLOSING_S)
         if not self._thread.is_alive():
-            self._sensor.close()
+            self._close()
 
     def zero(self, count: int) -> float:
         """Take the rest position from the next `count` readings.
@@ -105,8 +119,8 @@ class SensorEyes:
                 longest = max(longest, self._run)
                 values_um += [] if sight.tip_um is None else [sight.tip_um]
             elif time.perf_counter() > end_s:
-                why = f" ({self._failure})" if self._failure else ""
-                raise RunError(f"the sensor gave {taken} readings, expected {count}; is it connected?{why}")
+                why = f": {self._failure}" if self._failure else "; is it connected?"
+                raise RunError(f"the sensor gave {taken} readings, expected {count}{why}")
         if 2 * len(values_um) < count:
             lost = "" if sight is None or sight.lost is None else f": {sight.lost}"
             raise RunError(f"rest position: {len(values_um)} of {count} readings are valid{lost}")
@@ -150,6 +164,10 @@ class SensorEyes:
         """Age of the newest reading, or seconds since opening."""
         return time.perf_counter() - self._fresh_s
 
+    def trouble(self) -> str:
+        """What the sensor itself raised since its newest reading, empty where it raised nothing."""
+        return self._failure
+
     def _outside(self, value: float) -> str | None:
         if not math.isfinite(value):
             return f"it gives {value}"
@@ -161,7 +179,7 @@ class SensorEyes:
     def _read_for_ever(self) -> None:
         while not self._closing.is_set():
             try:
-                reading = self._sensor.read(_WAIT_S)
+                reading = _judged(self._sensor.read(_WAIT_S))
             except Exception as error:  # a sensor fails in its own way; the time without a reading is what counts
                 self._failure = _words(error)
                 self._reopen()
@@ -169,20 +187,31 @@ class SensorEyes:
             if reading is not None:
                 self._publish(reading)
 
+    def _opened(self) -> Identity:
+        identity = self._sensor.open()
+        if not isinstance(identity, Identity):
+            raise InputError(f"open gave {identity!r:.60}, expected an Identity")
+        return identity
+
+    def _close(self) -> None:
+        with contextlib.suppress(Exception):  # there is nothing left that could be done about it
+            self._sensor.close()
+
     def _reopen(self) -> None:
-        self._sensor.close()
+        broken = self._failure
+        self._close()
         while not self._closing.wait(_REOPEN_S):
             try:
-                identity = self._sensor.open()
+                identity = self._opened()
             except Exception as error:  # as above
-                self._failure = _words(error)
-                self._sensor.close()
+                self._failure = f"{broken}; it cannot be opened anew: {_words(error)}"
+                self._close()
                 continue
             if identity == self.identity:
                 self.reopened += 1
                 return
-            self._failure = f"another sensor answers: {' '.join(identity)}"
-            self._sensor.close()
+            self._failure = f"{broken}; another sensor answers: {' '.join(identity)}"
+            self._close()
 
     def _publish(self, reading: Reading) -> None:
         with self._news:
@@ -190,9 +219,26 @@ class SensorEyes:
             is_same = before is not None and reading.value == before.value and reading.lost == before.lost
             self._run = self._run + 1 if is_same else 1
             self._newest, self._count = reading, self._count + 1 + reading.passed
-            self._fresh_s = time.perf_counter()
+            self._fresh_s, self._failure = time.perf_counter(), ""
             self._news.notify_all()
 
 
+def _judged(found: object) -> Reading | None:
+    """Return what a sensor gave; InputError for what is no reading, or one of another clock."""
+    if found is None:
+        return None
+    if not isinstance(found, Reading):
+        raise InputError(f"read gave {found!r:.60}, expected a Reading or None")
+    if not all(isinstance(number, Real) for number in (found.value, found.time_s)):
+        raise InputError(f"read gave {found!r:.120}, expected numbers for value and time_s")
+    if (ahead_s := found.time_s - time.perf_counter()) > _AHEAD_S:
+        raise InputError(
+            f"a reading holds {ahead_s:.3g} s from now, expected a time of time.perf_counter that has been"
+        )
+    return found
+
+
 def _words(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    words = " ".join(str(error).split())
+    is_told = words and isinstance(error, OSError | InputError | RunError)
+    return words if is_told else f"{type(error).__name__}: {words}"
