@@ -19,7 +19,7 @@ from bender_hil.guard.settings import GuardSettings
 from bender_hil.sensors.kinds import CAMERA, sensor_class, sensor_kinds
 from bender_hil.sensors.table import COMMON, SensorTable, conversion
 from bender_hil.sources.amplifier import Amplifier
-from bender_hil.sources.kinds import SourceSettings, address_of, source_class, source_kinds
+from bender_hil.sources.kinds import SourceSettings, address_of, check_source, source_class, source_kinds
 from bender_hil.supply.select import SupplySettings
 from bender_hil.vision.settings import TrackerSettings
 from bender_loop.bounds import Bounds, check_numbers
@@ -256,7 +256,12 @@ def _source(path: Path, table: dict[str, Any]) -> SourceSettings | None:
         return _made(path, "supply", SupplySettings, table["supply"])
     if "source" not in table:
         return None
-    return _of_a_kind(path, "source", dict(_table(path, table, "source")), source_class, source_kinds)[1]
+    kind, settings = _of_a_kind(path, "source", dict(_table(path, table, "source")), source_class, source_kinds)
+    try:
+        check_source(kind, settings)
+    except ValueError as error:
+        raise InputError(f"{path}: source: {error}") from None
+    return settings
 
 
 def _sensor(path: Path, table: dict[str, Any]) -> SensorTable:

@@ -14,8 +14,9 @@ from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.kinds import kind_of, make_source, source_class
 from bender_hil.sources.line_dialect import LINE_DIALECTS
 from bender_hil.sources.line_source import LineSettings, LineSource
-from bender_hil.sources.simple import GuardedSimple
+from bender_hil.sources.simple import GuardedSimple, SimpleSource
 from bender_hil.supply.failures import (
+    BadReplyError,
     ComplaintError,
     LinkLostError,
     MismatchError,
@@ -27,6 +28,7 @@ from bender_hil.supply.played_source import can_play
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 from bender_loop.errors import InputError
+from bender_loop.shell.plugins import check_complete
 
 BOUNDS = Bounds(50.0, 55.0, 0.01)
 IDN_PI = ("*IDN?", "(c)2015 Physik Instrumente (PI) GmbH & Co. KG,E-709.CHG,0115500620,1.037")
@@ -250,6 +252,44 @@ def test_what_a_simple_source_raises_becomes_a_fault_of_the_link():
     source = GuardedSimple(lambda: plain)
     with pytest.raises(LinkLostError, match="cable"):
         source.set_voltage(1.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "answer", "sentence"),
+    [
+        ("is_on", "OFF", "is_on gave 'OFF', expected True or False"),
+        ("setting_V", "0.00", "setting_V gave '0.00', expected a number"),
+        ("open", "a plain one", "open gave 'a plain one', expected an Identity"),
+    ],
+)
+def test_an_answer_of_the_wrong_type_is_told_and_never_means_off(method: str, answer: str, sentence: str):
+    plain = Plain()
+    setattr(plain, method, lambda: answer)
+    source = GuardedSimple(lambda: plain)
+    with pytest.raises(BadReplyError, match=sentence):
+        {"open": source.open, "setting_V": source.voltage_setting_V, "is_on": source.confirm_off}[method]()
+
+
+def test_a_source_without_a_switch_says_so_beside_its_settings():
+    class Switchless(Plain):
+        def is_on(self) -> bool:
+            return self.level_V != 0.0
+
+    with pytest.raises(MismatchError, match="has_switch = False"):
+        GuardedSimple(Switchless).arm(BOUNDS)
+    GuardedSimple(Switchless, has_switch=False).arm(BOUNDS)
+
+
+def test_what_is_no_source_or_sensor_is_refused_with_what_it_lacks():
+    check_complete(Plain(), SimpleSource)
+
+    class Half:
+        lowest_V = highest_V = step_V = 0.0
+
+        def open(self) -> None: ...
+
+    with pytest.raises(ValueError, match="make gave a Half without switch, is_on, set_voltage"):
+        check_complete(Half(), SimpleSource)
 
 
 def test_a_second_simple_source_cannot_say_off_for_the_first():

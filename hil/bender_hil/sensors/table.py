@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bender_hil.calibration.sensor_scale import SensorCalibration
-from bender_hil.sensors.sensor import LENGTHS_UM, SensorSettings
+from bender_hil.sensors.sensor import LENGTHS_UM, Sensor, SensorSettings
 from bender_loop.bounds import check_numbers
+from bender_loop.shell.plugins import check_complete
 
 COMMON = ("rate_Hz", "delay_s", "exposure_s", "calibration", "valid", "zero_readings", "repeats_count")
 """Keys of `[sensor]` that are not the instrument's own."""
@@ -50,7 +51,7 @@ class SensorTable:
             if len(self.valid) != 2 or not self.valid[0] < self.valid[1]:
                 raise ValueError(f"valid: found {list(self.valid)!r}, expected two numbers in order")
         # what the instrument cannot do at this rate shows before anything is opened
-        self.instrument.make(self.rate_Hz)
+        check_complete(self.instrument.make(self.rate_Hz), Sensor)
 
     @property
     def averaged_s(self) -> float | None:

@@ -7,11 +7,18 @@ from bender_hil.sources.amplified import Amplified
 from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.daq_output import DaqOutputSettings
 from bender_hil.sources.line_source import LineSettings
-from bender_hil.sources.simple import GuardedSimple
+from bender_hil.sources.simple import GuardedSimple, SimpleSource
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import GENERATOR, SupplySettings
 from bender_hil.supply.source import Source
-from bender_loop.shell.plugins import SOURCES, installed_plugins, known_kinds, load_plugin, settings_class
+from bender_loop.shell.plugins import (
+    SOURCES,
+    check_complete,
+    installed_plugins,
+    known_kinds,
+    load_plugin,
+    settings_class,
+)
 
 OURS: Mapping[str, type] = {
     "supply": SupplySettings,
@@ -59,9 +66,19 @@ def kind_of(settings: SourceSettings) -> str:
     raise ValueError(f"found settings of the class {type(settings).__name__}, which is no kind of source")
 
 
-def address_of(settings: SourceSettings) -> str:
-    """Return what tells this source from any other: its address, or everything that its settings say."""
+def address_of(settings: object) -> str:
+    """Return what tells this source or sensor from any other: its address, or everything that its settings say."""
     return str(getattr(settings, "resource", None) or settings)
+
+
+def check_source(kind: str, settings: SourceSettings) -> None:
+    """Check that what another package makes is a source; ours are.
+
+    Raises:
+        ValueError: something is missing.
+    """
+    if kind not in OURS:
+        check_complete(settings.make(), SimpleSource)
 
 
 def make_source(settings: SourceSettings, amplifier: Amplifier | None, identity: Identity | None = None) -> Source:

@@ -11,9 +11,10 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
+from numbers import Real
 from typing import Any, Protocol, TypeVar
 
-from bender_hil.supply.failures import LinkLostError, MismatchError, NoReplyError, SupplyError
+from bender_hil.supply.failures import BadReplyError, LinkLostError, MismatchError, NoReplyError, SupplyError
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import SLICE_S, Patience
 from bender_hil.supply.same_instrument import SameInstrument
@@ -101,7 +102,10 @@ class GuardedSimple:
 
     def open(self) -> Identity:
         """Open the link and identify the instrument."""
-        return self._same.check(self._do(self._source.open))
+        identity = self._do(self._source.open)
+        if not isinstance(identity, Identity):
+            raise BadReplyError(f"the source's open gave {identity!r:.60}, expected an Identity")
+        return self._same.check(identity)
 
     def arm(self, bounds: Bounds) -> list[str]:
         """Output off, 0 V, read back, output on; returns what such an instrument cannot do."""
@@ -109,13 +113,16 @@ class GuardedSimple:
         bounds.check(source.lowest_V, source.highest_V, "this source")
         self._do(source.switch, False)
         self._do(source.set_voltage, 0.0)
-        if abs(setting_V := self._do(source.setting_V)) > source.step_V:
+        if abs(setting_V := self.voltage_setting_V()) > source.step_V:
             raise MismatchError(f"0 V were set, but the source says {setting_V:g} V")
-        if self._do(source.is_on):
+        if self._says_on():
             raise MismatchError("the output was switched off, but the source says that it is on")
         self._do(source.switch, True)
-        if self._has_switch and not self._do(source.is_on):
-            raise MismatchError("the output was switched on, but the source says that it is off")
+        if self._has_switch and not self._says_on():
+            raise MismatchError(
+                "the output was switched on, but the source says that it is off; one without a switch has "
+                "has_switch = False beside its settings"
+            )
         return list(source.cannot)
 
     def rounded(self, voltage_V: float) -> float:
@@ -146,22 +153,23 @@ class GuardedSimple:
 
     def voltage_setting_V(self) -> float:
         """The level as the instrument has it."""
-        return self._do(self._source.setting_V)
+        return _number(self._do(self._source.setting_V), "setting_V")
 
     def measured_V(self) -> float | None:
         """What is at the output; None where the source cannot measure."""
-        return self._do(self._source.measured_V)
+        measured_V = self._do(self._source.measured_V)
+        return None if measured_V is None else _number(measured_V, "measured_V")
 
     def measured_A(self) -> None:
         """Nothing: a simple source measures no current."""
 
     def is_on(self) -> bool:
         """Whether the output is switched on; True where there is no switch."""
-        return not self._has_switch or self._do(self._source.is_on)
+        return not self._has_switch or self._says_on()
 
     def confirm_off(self) -> bool:
         """Whether the output is off, by the word of the source itself."""
-        return not self._do(self._source.is_on)
+        return not self._says_on()
 
     def has_tripped(self) -> bool:
         """False: a simple source has no protection."""
@@ -190,6 +198,12 @@ class GuardedSimple:
             self._worker.run(self._source.close, _CLOSING_S, self._patience.waiting)
         self._worker.end()
 
+    def _says_on(self) -> bool:
+        found = self._do(self._source.is_on)
+        if found != bool(found):
+            raise BadReplyError(f"the source's is_on gave {found!r:.60}, expected True or False")
+        return bool(found)
+
     def _timed(self, voltage_V: float) -> float:
         self._source.set_voltage(voltage_V)
         return time.perf_counter()
@@ -204,6 +218,12 @@ class GuardedSimple:
         except Exception as error:  # another's code fails in its own way
             name = getattr(what, "__name__", "it")
             raise LinkLostError(f"the source failed in {name} ({type(error).__name__}: {error})") from error
+
+
+def _number(found: object, of: str) -> float:
+    if not isinstance(found, Real):
+        raise BadReplyError(f"the source's {of} gave {found!r:.60}, expected a number")
+    return float(found)
 
 
 class _Worker:

@@ -60,3 +60,18 @@ def settings_class(group: str, ours: Mapping[str, type], kind: str, what: str) -
     if not (isinstance(found, type) and is_dataclass(found) and callable(getattr(found, "make", None))):
         raise InputError(f"{group}: {kind}: found {found!r:.60}, expected a dataclass with a method make")
     return found
+
+
+def check_complete(made: object, protocol: type) -> None:
+    """Check that what `make` gave has everything that its protocol names.
+
+    Raises:
+        ValueError: something is missing.
+    """
+    names = [name for name in (*vars(protocol), *getattr(protocol, "__annotations__", ())) if not name.startswith("_")]
+    missing = [name for name in names if not hasattr(made, name)]
+    if missing:
+        raise ValueError(
+            f"make gave a {type(made).__name__} without {', '.join(missing)} "
+            "(docs/how-to/write-a-source-or-sensor.md says what it needs)"
+        )
