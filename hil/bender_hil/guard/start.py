@@ -217,9 +217,9 @@ class GuardProcess:
                 )
         ended = self.wait()
         if ended.status is Status.UNCONFIRMED:
-            raise OutputUnknownError(f"the supply could not be armed: {ended.sentence}; {ended.alarm}")
+            raise OutputUnknownError(f"the source could not be armed: {ended.sentence}; {ended.alarm}")
         kind = InputError if ended.status is Status.REFUSED else RunError
-        raise kind(f"the supply could not be armed: {ended.sentence}")
+        raise kind(f"the source could not be armed: {ended.sentence}")
 
     def _has_opened(self) -> bool:
         """Whether a guard that has ended had said who answers, which it does before it switches anything."""

@@ -37,7 +37,7 @@
       const answer = await fetch(settings.stopUrl, { method: "POST" });
       say((await answer.json()).said);
     } catch (error) {
-      say("the STOP button's process does not answer: press OUTPUT OFF at the supply");
+      say("the STOP button's process does not answer: press OUTPUT OFF at the source");
     }
   }
   window.benderStop = stop;

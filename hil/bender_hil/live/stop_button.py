@@ -27,7 +27,7 @@ const said = document.getElementById("said");
 function stop() { said.textContent = "STOP is being said";
   fetch(location.pathname.replace(/\\/$/, "") + "/stop", {method: "POST"}).then(x => x.json())
     .then(x => { said.textContent = x.said; })
-    .catch(() => { said.textContent = "no answer: press OUTPUT OFF at the supply"; }); }
+    .catch(() => { said.textContent = "no answer: press OUTPUT OFF at the source"; }); }
 document.getElementById("stop").onclick = stop;
 document.onkeydown = e => { if (e.code === "Space") { e.preventDefault(); stop(); } };
 </script></html>"""
@@ -57,7 +57,7 @@ class Button:
             if say_stop(port, self.token):
                 after_ms = 1e3 * (time.perf_counter() - start_s)
                 return {"heard": True, "after_ms": after_ms, "said": "the guard has heard STOP and brings it down"}
-        return {"heard": False, "said": "the guard does not answer: press OUTPUT OFF at the supply"}
+        return {"heard": False, "said": "the guard does not answer: press OUTPUT OFF at the source"}
 
 
 def server(button: Button) -> ThreadingHTTPServer:

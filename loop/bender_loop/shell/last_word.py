@@ -9,7 +9,7 @@ is full, a standard output that is closed or a process without memory changes no
 import os
 import sys
 
-UNKNOWN = "OUTPUT STATE UNKNOWN: press OUTPUT OFF at the front panel of the supply, or unplug it"
+UNKNOWN = "OUTPUT STATE UNKNOWN: press OUTPUT OFF at the front panel of the source, or unplug it"
 UNCONFIRMED = 3
 _IN_BYTES = f"bender: {UNKNOWN}\n".encode("ascii")
 _STANDARD_ERROR = 2
