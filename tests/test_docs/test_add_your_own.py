@@ -24,7 +24,6 @@ def written(folder: Path) -> Path:
     for name, text in blocks:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
-    (folder / "my_bench" / "__init__.py").touch()
     return folder
 
 
@@ -41,8 +40,9 @@ def made_known(folder: Path, name: str, groups: dict[str, dict[str, str]]) -> No
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package as installed."""
     folder = written(tmp_path_factory.mktemp("site"))
-    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    made_known(folder, "my_bench", project["entry-points"])
+    told = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
+    assert told["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["my_bench"]
+    made_known(folder, "my_bench", told["project"]["entry-points"])
     return folder
 
 

@@ -90,8 +90,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
         assert len(text.splitlines()) < MOST_LINES
-    (folder / "lab_bench" / "__init__.py").touch()
-    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    told = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
+    assert told["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["lab_bench"]
+    project = told["project"]
     info = folder / "lab_bench-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab-bench\nVersion: 1.0\n", encoding="utf-8")
