@@ -1,0 +1,161 @@
+"""Two parts of another package, written from the how-to alone: a source without a switch, a sensor that streams."""
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from foreign_bench.streaming import LaserHead
+from foreign_bench.switchless import LabAmp
+
+from bender_hil.sensors.sensor_eyes import SensorEyes
+from bender_hil.sensors.table import SensorTable, conversion
+from bender_hil.sources.kinds import check_source, make_source
+from bender_hil.supply.failures import NoReplyError
+from bender_hil.supply.parse import Identity
+from bender_hil.supply.source import Bounds
+
+BOUNDS = Bounds(50.0, 55.0, 0.01)
+
+
+class Wire:
+    """One instrument behind a socket of this machine, which serves one client after the other."""
+
+    def __init__(self, serve: Callable[[socket.socket], None]) -> None:
+        self._serve, self._server = serve, socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        self._link: socket.socket | None = None
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                self._link, _ = self._server.accept()
+                self._serve(self._link)
+            except OSError:
+                if self._server.fileno() < 0:
+                    return
+
+    def unplug(self) -> None:
+        """End the link, and answer nobody any more."""
+        # closing alone does not end a thread that waits there
+        for end in (self._server, self._link):
+            if end is not None:
+                with contextlib.suppress(OSError):
+                    end.shutdown(socket.SHUT_RDWR)
+                end.close()
+
+
+class LabAmpWire:
+    """What a LabAmp says.
+
+    Attributes:
+        level_V: that it was told last.
+        mute: whether it does nothing and says nothing.
+    """
+
+    def __init__(self) -> None:
+        self.level_V, self.mute = 7.0, False
+
+    def serve(self, link: socket.socket) -> None:
+        for line in link.makefile("r", newline="\r"):
+            word, _, value = line.strip().partition(" ")
+            if self.mute:
+                continue
+            if word == "V":
+                self.level_V = float(value)
+            answer = {"ID": "LABAMP/MK2/0042/1.3", "V?": f"{self.level_V:.2f} {self.level_V - 0.02:.2f}"}.get(word)
+            if answer is not None:
+                link.sendall(f"{answer}\r".encode())
+
+
+def frame(number: int, height_nm: int, status: int = 0) -> bytes:
+    body = struct.pack(">HiB", number & 0xFFFF, height_nm, status)
+    return b"\xaa\x55" + body + bytes([sum(body) & 255])
+
+
+def stream(link: socket.socket) -> None:
+    """What a laser head says: 60 µm, with some noise; two frames come in three parts, as TCP may cut them."""
+    assert link.recv(1) == b"I"
+    link.sendall(b"LT30   ser 0815 ")
+    _, rate_Hz = struct.unpack(">cH", link.recv(3, socket.MSG_WAITALL))
+    number = 0
+    while True:
+        two = frame(number, 60_000 + 7 * (number % 5)) + frame(number + 1, 60_000 + 11 * (number % 3))
+        for part in (two[:4], two[4:13], two[13:]):
+            link.sendall(part)
+            time.sleep(2.0 / rate_Hz / 3.0)
+        number += 2
+
+
+@pytest.fixture
+def amp() -> Iterator[tuple[LabAmpWire, Wire]]:
+    said = LabAmpWire()
+    wire = Wire(said.serve)
+    yield said, wire
+    wire.unplug()
+
+
+def test_a_source_without_a_switch_is_armed_driven_and_off_at_0_V(amp: tuple[LabAmpWire, Wire]):
+    said, wire = amp
+    settings = LabAmp("127.0.0.1", wire.port)
+    check_source("labamp", settings)
+    source = make_source(settings, None)
+    assert source.open() == Identity("LABAMP", "MK2", "0042", "1.3")
+    assert said.level_V == 7.0
+    assert source.arm(BOUNDS) == ["it has no output switch", "it has no current limit"]
+    source.set_voltage(12.5)
+    assert (source.voltage_setting_V(), source.measured_V()) == (12.5, pytest.approx(12.48))
+    assert not source.confirm_off()
+    source.off_blind()
+    assert source.confirm_off()
+    assert said.level_V == 0.0
+    source.close()
+
+
+def test_a_mute_source_never_says_off(amp: tuple[LabAmpWire, Wire]):
+    said, wire = amp
+    source = make_source(LabAmp("127.0.0.1", wire.port), None)
+    source.open()
+    source.arm(BOUNDS)
+    source.set_voltage(20.0)
+    assert source.voltage_setting_V() == 20.0
+    said.mute = True
+    source.patience.end_s = time.perf_counter() + 0.3
+    with pytest.raises(NoReplyError):
+        source.confirm_off()
+    assert said.level_V == 20.0
+    source.close()
+
+
+def test_frames_are_read_whole_however_they_are_cut_and_an_unplugged_head_says_so():
+    wire = Wire(stream)
+    table = SensorTable("laser_head", LaserHead("127.0.0.1", wire.port), rate_Hz=200.0)
+    sensor = table.instrument.make(table.rate_Hz)
+    with SensorEyes(sensor, conversion(sensor.unit, None)) as eyes:
+        assert eyes.identity == Identity("Lasertron", "LT30", "0815", "1")
+        eyes.zero(20)
+        assert 0.002 < eyes.noise_um < 0.05
+        assert eyes.reopened == 0
+        wire.unplug()
+        end_s = time.perf_counter() + 5.0
+        while "cannot be opened anew" not in eyes.trouble():
+            assert time.perf_counter() < end_s
+            time.sleep(0.01)
+        assert "the laser head closed the link" in eyes.trouble()
+
+
+def test_frames_that_waited_are_passed_over():
+    wire = Wire(stream)
+    sensor = LaserHead("127.0.0.1", wire.port).make(500.0)
+    sensor.open()
+    time.sleep(0.3)
+    reading = sensor.read(0.1)
+    assert reading is not None
+    assert reading.passed > 10
+    assert 0.0 <= time.perf_counter() - reading.time_s < 0.1
+    sensor.close()
+    wire.unplug()
