@@ -6,11 +6,15 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from foreign_bench.streaming import LaserHead
 from foreign_bench.switchless import LabAmp
 
+from bender_hil.guard.guard import Status
+from bender_hil.guard.spares import Ended
+from bender_hil.runner.run import _explained
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sensors.table import SensorTable, conversion
 from bender_hil.sources.kinds import check_source, make_source
@@ -146,6 +150,18 @@ def test_frames_are_read_whole_however_they_are_cut_and_an_unplugged_head_says_s
             assert time.perf_counter() < end_s
             time.sleep(0.01)
         assert "the laser head closed the link" in eyes.trouble()
+        for code, is_told in (("frame_age", True), ("travel", False)):
+            ended = _explained(Ended(Status.TRIPPED, code, "as the guard has it", "", {}), eyes)
+            assert ("the laser head closed the link" in str(ended.sentence)) == is_told
+
+
+def test_a_head_that_cannot_be_closed_is_none():
+    class Half(LaserHead):
+        def make(self, rate_Hz: float) -> Any:
+            return type("HalfSensor", (), {"unit": "nm", "cannot": (), "open": None, "read": None, "rate_Hz": rate_Hz})
+
+    with pytest.raises(ValueError, match="without close"):
+        SensorTable("laser_head", Half("127.0.0.1"))
 
 
 def test_frames_that_waited_are_passed_over():
