@@ -118,7 +118,7 @@ def test_two_runs_on_one_supply_are_refused_and_the_lock_ends_with_its_holder(
             assert other is not None
             assert f"process {os.getpid()}" in other
             assert other.endswith("first")
-        with pytest.raises(InputError, match="another run drives this supply"), sole_run("ASRL7::INSTR", Path("b")):
+        with pytest.raises(InputError, match="another run drives this source"), sole_run("ASRL7::INSTR", Path("b")):
             pass
     with sole_run("ASRL7::INSTR", Path("third")) as other:
         assert other is None

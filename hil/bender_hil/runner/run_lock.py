@@ -43,7 +43,7 @@ def sole_run(resource: str | None, out: Path) -> Iterator[str | None]:
             name = hashlib.sha256(resource.encode("utf-8", "surrogateescape")).hexdigest()[:16]
             who = _take(ends, f"supply-{name}", out)
             if who is not None:
-                raise InputError(f"{resource}: another run drives this supply ({who}); wait for its end, or stop it")
+                raise InputError(f"{resource}: another run drives this source ({who}); wait for its end, or stop it")
         yield _take(ends, "run", out)
 
 
