@@ -85,15 +85,16 @@ def run(arguments: argparse.Namespace) -> int:
     old = _gains(arguments, bench)
     prepare_directory(out)
     arguments.out = out
+    go_on = f"go on with the same options and --resume --out {out}"
     try:
         with watched(arguments) as page:
             port = RealBench(bench, lambda name: ready_plant_fmu(name), page)
             outcome = Investigation(port, model, old, out, settings, _say, given).run()
     except KeyboardInterrupt:
-        sys.stderr.write(f"bender: interrupted, the output is off; go on with --resume --out {out}\n")
+        sys.stderr.write(f"bender: interrupted, the output is off; {go_on}\n")
         return INTERRUPTED
     except OutputUnknownError as error:
-        sys.stderr.write(f"bender: {error}\nbender: when the bench is safe again, go on with --resume --out {out}\n")
+        sys.stderr.write(f"bender: {error}\nbender: when the bench is safe again, {go_on}\n")
         return Status.UNCONFIRMED
     _tell(outcome, out)
     return 0

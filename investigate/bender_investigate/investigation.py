@@ -171,7 +171,8 @@ class Investigation:
         for key, value in who.items():
             if begun.get(key) != value:
                 raise InputError(
-                    f"{self.out}: was begun with {key} = {begun.get(key)!r}, found {value!r}; choose another directory"
+                    f"{self.out}: was begun with {key} = {begun.get(key)!r}, found {value!r}; --resume "
+                    "needs the options that it was begun with, anything else another directory"
                 )
         journal.write("resumed", f"{len(journal.all('played'))} plays are there already")
 
