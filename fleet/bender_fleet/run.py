@@ -111,7 +111,6 @@ def run_fleet(
     how: How,
     asked: dict[str, Any],
     say: Callable[[str], None],
-    do: Callable[[Job], Told] = run_job,
 ) -> Count:
     """Do an action with all units that are new or changed, and write the tables.
 
@@ -122,7 +121,6 @@ def run_fleet(
         how: where it runs, and where the results go.
         asked: what `fleet.json` keeps of the command.
         say: is told a few lines.
-        do: what a worker does with a job.
 
     Returns:
         What came of it; complete results are written after an interrupt too.
@@ -146,9 +144,7 @@ def run_fleet(
             say(f"{len(planned)} units: {len(todo)} to do, {count.kept} kept of an earlier run")
             link = dashboard(client, how.cluster)
             say(f"Dask dashboard: {link}" if link else "Dask dashboard: none (it needs bokeh)")
-            _work_off(
-                action, client, (_job(how, planned[k], tasks[k].work, run) for k in todo), len(todo), count, how, do
-            )
+            _work_off(action, client, (_job(how, planned[k], tasks[k].work, run) for k in todo), len(todo), count, how)
     else:
         open_folder(how.out, told)
     count.statuses = write_tables(how.out, action, planned)
@@ -156,16 +152,14 @@ def run_fleet(
     return count
 
 
-def _work_off(
-    action: str, client: "Client", jobs: Iterator[Job], total: int, count: Count, how: How, do: Callable[[Job], Told]
-) -> None:
+def _work_off(action: str, client: "Client", jobs: Iterator[Job], total: int, count: Count, how: How) -> None:
     from bender_fleet.cluster.schedule import answers
 
     seen = {BROKEN: 0, FAILED: 0, DONE: 0}
     began = time.monotonic()
     try:
         with Progress(action) as bar:
-            for answer in answers(client, jobs, do=do):
+            for answer in answers(client, jobs, do=run_job):
                 seen[_taken(how, answer.job, answer.told, answer.reason)] += 1
                 count.new += 1
                 bar.update(count.new, total, _remark(count.new, total, time.monotonic() - began, seen))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from bender_plant.model import Model, ModelError
+from bender_plant.model import Model
 
 Values = tuple[float, ...]
 
@@ -144,18 +144,6 @@ class Form:
     def for_each_of(self, records: int) -> "Form":
         """Return the form with numbers of their own for so many records, as surroundings have."""
         return replace(self, free=self.free * records, records=records)
-
-    def contains(self, other: "Form", model: Model) -> bool:
-        """Return whether it can be all that another form is: the same model where its further numbers are nought."""
-        mine, theirs = self.alone().free, other.alone().free
-        values = {x.name: x.starts[0] for x in theirs}
-        if not values.keys() <= {x.name for x in mine}:
-            return False
-        try:
-            wider = self.apply(model, tuple(values.get(x.name, 0.0) for x in mine))
-            return wider == other.apply(model, tuple(values.values()))
-        except ModelError:
-            return False
 
 
 def scale(name: str, low: float, high: float, count: int, vanishes_at: float | None = None) -> Free:

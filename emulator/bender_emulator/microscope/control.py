@@ -15,7 +15,7 @@ from typing import Self
 
 from bender_emulator.microscope.server import LOOPBACK, FrameServer
 
-_PATIENCE_S = 0.2
+_PATIENCE_S, _ANSWER_S = 0.2, 2.0
 _LONGEST_LINE = 200
 
 
@@ -93,14 +93,14 @@ class ControlServer:
         return "ok"
 
 
-def ask_microscope(port: int, line: str, timeout_s: float = 2.0) -> str:
+def ask_microscope(port: int, line: str) -> str:
     """Send one line to a control port at loopback and return the answer.
 
     Raises:
         OSError: nobody answers there.
         ValueError: the answer is an error.
     """
-    with socket.create_connection((LOOPBACK, port), timeout_s) as link:
+    with socket.create_connection((LOOPBACK, port), _ANSWER_S) as link:
         link.sendall(line.encode("ascii") + b"\n")
         with link.makefile("r", encoding="ascii") as lines:
             answer = lines.readline().strip()

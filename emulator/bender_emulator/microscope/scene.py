@@ -19,8 +19,6 @@ _HALO_WIDTH = 2.5
 _GLINT_PLACE, _GLINT_WIDTH = 0.17, 0.16
 _NOISE_MARGIN = 96
 _SMEAR_STEP_PX = 0.02
-_PLACE_STEP_PX = 0.3
-"""Places within it are drawn as one: far less than the blur."""
 _NO_WIRE = (slice(0, 0), slice(0, 0))
 
 
@@ -60,23 +58,6 @@ class Scene:
         """
         smear_px = abs(tip_velocity_um_per_s * exposure_s) / self.settings.um_per_px
         return self._noisy(*self._wire(tip_um, smear_px))
-
-    def render_places(self, tips_um: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The picture, (height, width), with noise, of a tip that goes any way while the shutter is open.
-
-        Args:
-            tips_um: where the tip is, each for an equal part of the exposure, in any order.
-        """
-        ordered = np.sort(tips_um)
-        span_px = float(ordered[-1] - ordered[0]) / self.settings.um_per_px
-        count = min(ordered.size, 1 + math.ceil(span_px / _PLACE_STEP_PX))
-        light: NDArray[np.float32] = self._backdrop.copy()
-        lost = np.zeros_like(light)
-        for some in np.array_split(ordered, count):
-            where, wire = self._wire(float(some.mean()), 0.0)
-            lost[where] += np.float32(some.size / ordered.size) * (light[where] - wire)
-        everywhere = (slice(0, light.shape[0]), slice(0, light.shape[1]))
-        return self._noisy(everywhere, light - lost)
 
     def _noisy(self, where: tuple[slice, slice], wire: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The picture with a wire in a part of it, with noise."""

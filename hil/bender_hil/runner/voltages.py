@@ -58,10 +58,10 @@ class Voltages:
         return self.levels_V[max(bisect_right(self.times_s, time_s + _CORNER_S) - 1, 0)]
 
 
-def staircase(step_V: float = STAIR_V, top_V: float = STAIR_TOP_V, dwell_s: float = STAIR_DWELL_S) -> Voltages:
+def staircase(top_V: float = STAIR_TOP_V, dwell_s: float = STAIR_DWELL_S) -> Voltages:
     """0 V to the top and back in equal steps, as for Figure 8 of the paper."""
-    count = round(top_V / step_V)
-    levels = [step_V * k for k in [*range(count + 1), *range(count - 1, -1, -1)]]
+    count = round(top_V / STAIR_V)
+    levels = [STAIR_V * k for k in [*range(count + 1), *range(count - 1, -1, -1)]]
     times = [dwell_s * k for k in range(len(levels))]
     return Voltages(tuple(times), tuple(levels), dwell_s * len(levels))
 

@@ -88,7 +88,6 @@ class GuardedSimple:
         self._same = SameInstrument(identity)
         self._patience = Patience()
         self._worker = _Worker()
-        self._sent_s = 0.0
 
     @property
     def patience(self) -> Patience:

@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 NO_OFFSET = 2.0
 INSIGNIFICANT = 3.0
 FEWEST_INDEPENDENT = 50.0
-MOST_EVALUATIONS = 10
+EVALUATIONS, MOST_EVALUATIONS = 8, 10
 STIFFEST = 5.0
 TITLE = "SINDy, refined by simulation"
 DEFAULT_THRESHOLD = 0.05
@@ -166,18 +166,16 @@ def zero_of(experiments: Sequence[Experiment]) -> float:
     return float(first.measured_um[0]) if at_rest and not noisy else float(offset)
 
 
-def equation_of(
-    terms: tuple[str, ...], start: Array, experiments: Sequence[Experiment], base: Model, evaluations: int = 8
-) -> Candidate:
+def equation_of(terms: tuple[str, ...], start: Array, experiments: Sequence[Experiment], base: Model) -> Candidate:
     """Fit the coefficients of an equation by the whole simulated model, from a good start.
 
     An offset within its own uncertainty is taken for zero.
     """
     bank = Bank(experiments)
     build, scales = _build(base, terms, experiments), _scales(bank, terms)
-    fit = fit_output(bank, build, start, scales, evaluations)
+    fit = fit_output(bank, build, start, scales, EVALUATIONS)
     if abs(fit.offset_um) < NO_OFFSET * np.sqrt(fit.covariance[-1, -1]):
-        fit = fit_output(bank, build, fit.values, scales, evaluations, free_offset=False)
+        fit = fit_output(bank, build, fit.values, scales, EVALUATIONS, free_offset=False)
     return Candidate(
         id="sindy",
         title=TITLE,

@@ -12,18 +12,17 @@ DEEPEST = 12
 _LONGEST_REASON = 160
 
 
-def read_toml_file(path: Path, what: str, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
+def read_toml_file(path: Path, what: str) -> dict[str, Any]:
     """Return the table that a TOML file holds.
 
     Args:
         path: of the file.
         what: what the file should be, for the message, such as "a bench file (TOML)".
-        most_bytes: size of the largest file that is read.
 
     Raises:
         InputError: the file cannot be read, is not TOML, or nests deeper than any file of ours.
     """
-    text = read_text_file(path, most_bytes, what)
+    text = read_text_file(path, MOST_BYTES, what)
     try:
         table = tomllib.loads(text)
     except ValueError as error:

@@ -15,11 +15,11 @@ def has_dot(*values: Any) -> bool:
     return any(isinstance(value, Number) and value.dot is not None for value in values)
 
 
-def paired(context: Context, text: str, dot: str | None, hint: str = "t") -> Number:
+def paired(context: Context, text: str, dot: str | None) -> Number:
     """Return a double; with a derivative it is put into variables, so that nothing is computed twice."""
     if dot is None:
         return Number(text)
-    return context.variable(hint, "d", constant_text=text, dot=dot)
+    return context.variable("t", "d", constant_text=text, dot=dot)
 
 
 def _named(context: Context, value: Any) -> Any:

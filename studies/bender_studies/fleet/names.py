@@ -10,6 +10,9 @@ from bender_fleet.population.features import read_population
 from bender_fleet.population.trends import bad_batches, drifts
 from bender_loop.errors import InputError
 
+HIDDEN_EFFECT = "saturation"
+"""Of the bad batch."""
+
 
 @dataclass(frozen=True, slots=True)
 class Held:
@@ -36,7 +39,7 @@ class Held:
     on_page: bool
 
 
-def held_to_truth(out: Path, truth: Path, effect: str = "saturation") -> Held:
+def held_to_truth(out: Path, truth: Path) -> Held:
     """Return how the results of a fleet compare with what was hidden; units that were not reached are left out.
 
     Raises:
@@ -59,8 +62,10 @@ def held_to_truth(out: Path, truth: Path, effect: str = "saturation") -> Held:
         if row["verdict"] != "named" or set(row["effects"]) != names:
             said = f"{row['verdict'] or row['status']}: {', '.join(row['effects'] or ()) or row['reason'] or 'nothing'}"
             wrong.append((row["unit"], ", ".join(sorted(names)), said))
-    batch = any(x.batch == known["bad_batch"] and x.label == effect for x in bad_batches(population))
+    batch = any(x.batch == known["bad_batch"] and x.label == HIDDEN_EFFECT for x in bad_batches(population))
     drift = any(x.label == "gain" for x in drifts(population))
     page = (out / PAGE).read_text(encoding="utf-8")
-    shown = all(x in page for x in (f"{known['bad_batch']}: {effect}", "With the date: gain", "Units without a result"))
+    shown = all(
+        x in page for x in (f"{known['bad_batch']}: {HIDDEN_EFFECT}", "With the date: gain", "Units without a result")
+    )
     return Held(readable, readable - len(wrong), tuple(wrong), broken, told, batch, drift, shown)

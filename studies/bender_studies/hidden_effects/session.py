@@ -1,7 +1,7 @@
 """A run of the judge: cases are drawn, diagnosed in worker processes, and judged as the answers come."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
@@ -52,7 +52,6 @@ def judge_cases(
     drawn: Iterable["Case"],
     directory: Path,
     jobs: int,
-    done: Callable[[Judged], None] | None = None,
     nominal: Nominal | None = None,
 ) -> Iterator[Judged]:
     """Diagnose every case and yield the judgements as they come.
@@ -61,7 +60,6 @@ def judge_cases(
         drawn: the cases, drawn one at a time.
         directory: gets a folder for each case.
         jobs: processes that diagnose.
-        done: is told of every judgement.
         nominal: the model of the diagnosis, and whether the benches are linear; None for the paper's model.
     """
     waiting = iter(drawn)
@@ -81,10 +79,7 @@ def judge_cases(
                     if again is not None:
                         running[pool.submit(answer, again)] = item
                         continue
-                    result = _judged(item, future.result())
-                    if done is not None:
-                        done(result)
-                    yield result
+                    yield _judged(item, future.result())
         finally:
             for future in running:
                 future.cancel()

@@ -123,12 +123,12 @@ def totals(found: Sequence[SuspectedJudged]) -> list[list[str]]:
     return rows
 
 
-def given_model(structure: str, numbers: Mapping[str, float], gain_um_per_V: float = 1.0) -> "Model":
+def given_model(structure: str, numbers: Mapping[str, float]) -> "Model":
     """Return the model as given: a gain, and a lag or a mode with these numbers."""
     from bender_plant.blocks import BLOCKS
     from bender_plant.model import BlockSettings, Model
 
-    chain = {"linear_transduction": {"sensitivity_um_per_V": gain_um_per_V}}
+    chain = {"linear_transduction": {"sensitivity_um_per_V": 1.0}}
     if structure == "lag":
         chain["plant_lag"] = {"time_constant_s": numbers["time_constant_s"]}
     else:

@@ -16,7 +16,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.simulation import simulate_fmu
 
 from bender_loop.control import pid
-from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.pid import Gains
 from bender_studies.tuning.plants import LIMITS, BenchmarkPlant
 
 _UM_PER_M = 1e6
@@ -70,9 +70,7 @@ class BareFmu:
         return time.perf_counter() - began, value * _UM_PER_M
 
 
-def mse_by_simulate_fmu(
-    fmu: Path, plant: BenchmarkPlant, gains: Gains, bare: BareFmu, *, reuse: bool, limits: Limits = LIMITS
-) -> float:
+def mse_by_simulate_fmu(fmu: Path, plant: BenchmarkPlant, gains: Gains, bare: BareFmu, *, reuse: bool) -> float:
     """MSE of the closed loop in um^2, run by one call of `simulate_fmu` with the PID block in `step_finished`.
 
     Args:
@@ -82,15 +80,14 @@ def mse_by_simulate_fmu(
         bare: the same FMU; its value references are used, and with `reuse` its instance.
         reuse: give `simulate_fmu` what is unpacked, read and instantiated already, and reset the instance; otherwise
             it gets the file name alone and does all of that itself.
-        limits: of the command.
     """
     period_s, setpoint_um = plant.sampling.period_s, plant.setpoint_um
-    state, command = pid.step(gains, limits, pid.PidState(), setpoint_um, 0.0, period_s)
+    state, command = pid.step(gains, LIMITS, pid.PidState(), setpoint_um, 0.0, period_s)
 
     def control(_time_s: float, recorder: Any) -> bool:
         nonlocal state, command
         reading_um = recorder.rows[-1][1] * _UM_PER_M
-        state, command = pid.step(gains, limits, state, setpoint_um, reading_um, period_s)
+        state, command = pid.step(gains, LIMITS, state, setpoint_um, reading_um, period_s)
         recorder.fmu.setReal(bare.input, [command])
         return True
 
