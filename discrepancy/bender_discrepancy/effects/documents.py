@@ -92,10 +92,10 @@ def page(effect: Effect, text: str) -> str:
     text = f"# {effect.title}\n\n{head}\n{prose}"
     rows = [[f"[`{other}`]({other}.md)", words] for other, words in effect.resembles.items()]
     text = _with_section(text, "What it is confused with", _table(["effect", "what separates it"], rows))
-    heads = ["parameter", "unit", "bounds", "default", "covered", "typical", "meaning"]
+    covered = "covered ([scaled](index.md#ranges))" if effect.relative else "covered"
+    heads = ["parameter", "unit", "bounds", "default", covered, "typical", "meaning"]
     rows = [_parameter_row(effect, name, value) for name, value in effect.defaults.items()]
-    scaled = "\n\nThe ranges [scale](index.md#ranges) with the record." if effect.relative else ""
-    return _with_section(text, "Parameters", _table(heads, rows) + scaled)
+    return _with_section(text, "Parameters", _table(heads, rows))
 
 
 def _parameter_row(effect: Effect, name: str, default: Any) -> list[str]:
