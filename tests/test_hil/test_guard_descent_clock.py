@@ -44,21 +44,22 @@ def test_the_ramp_takes_two_fifths_of_the_limit_at_most(rate: float, from_V: flo
     assert ramp_rate_V_per_s(limits, from_V) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("rate", "expected_s"), [(100.0, 0.3), (1.0, 0.8)])
-def test_a_ramp_is_straight_and_ends_in_time(clock: Clock, rate: float, expected_s: float):
+def test_a_ramp_is_straight_and_ends_in_time(clock: Clock, rate: float, expected_s: float, sign: float):
     source = ClockedSource(clock, on=True)
     limits = GuardSettings(shutdown_limit_s=2.0, ramp_V_per_s=rate)
     start_s = clock.now_s
-    landing, journal, _ = _descend(source, 30.0, limits)
+    landing, journal, _ = _descend(source, sign * 30.0, limits)
     assert landing.confirmed
-    volts = [(at_s - start_s, level_V) for what, level_V, at_s in source.log if what == "volt"]
+    volts = [(at_s - start_s, sign * level_V) for what, level_V, at_s in source.log if what == "volt"]
     slope = 30.0 / expected_s
     assert volts[-1][1] == 0.0
     assert volts[-1][0] == pytest.approx(expected_s, abs=0.01)
     for at_s, level_V in volts:
         assert level_V == pytest.approx(max(0.0, 30.0 - slope * (at_s + 0.005)), abs=0.02 * slope * 0.005 + 1e-3)
     assert len(volts) == pytest.approx(expected_s / 0.005, abs=2)
-    assert journal.one("ramp") == {"kind": "ramp", "from_V": 30.0, "rate_V_per_s": pytest.approx(slope)}
+    assert journal.one("ramp") == {"kind": "ramp", "from_V": sign * 30.0, "rate_V_per_s": pytest.approx(slope)}
 
 
 def test_the_switch_follows_zero_after_a_moment_and_is_asked_after_another(clock: Clock):
