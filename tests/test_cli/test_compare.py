@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from few import few_rows
 
-from bender_cli.main import main
 from bender_plant.model import load_model
 from bender_plant.plant import Plant
 
@@ -134,18 +133,3 @@ def test_stack_record_far_below_the_resonance_is_nearly_a_straight_line(tmp_path
     voltage_V, measured_um = columns("piezo_stack_1Hz.csv")
     line = np.polyval(np.polyfit(voltage_V, measured_um, 1), voltage_V)
     assert compared(tmp_path)["recalibrated"]["rms_um"] == pytest.approx(rms(measured_um - line), rel=0.01)
-
-
-@pytest.mark.slow
-def test_a_second_run_leaves_the_first_one_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.chdir(tmp_path)
-    Path("mine.csv").write_text("time_s,voltage_V,displacement_um\n0,0,0\n1,10,0\n2,20,9\n3,0,14\n4,0,1\n")
-    assert main(["compare", "mine.csv"]) == 0
-    first = Path("results/compare-mine/comparison.json").read_bytes()
-    capsys.readouterr()
-    assert main(["compare", "mine.csv", "--model", "beam", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["model"] == "beam"
-    assert Path("results/compare-mine/comparison.json").read_bytes() == first
-    assert Path("results/compare-mine-2/comparison.json").read_bytes() != first

@@ -60,26 +60,6 @@ def test_an_output_without_unit_is_said_and_can_be_named(version: str, capsys: p
     assert taken == {"Float64_continuous_input": "V", "Float64_continuous_output": "um"}
 
 
-@pytest.mark.parametrize("version", few(["fmi2", "fmi3"], 0))
-def test_a_record_with_the_names_of_the_fmu_needs_no_columns(version: str, capsys: pytest.CaptureFixture[str]):
-    """The output is in the unit of the record, which is said; other results in the folder are kept."""
-    ports = ["Float64_continuous_input", "Float64_continuous_output"]
-    heads = f"t [ms],unused,{ports[1]} [bar],{ports[0]} [V]\n"
-    # a reading is taken before the command of its row acts
-    rows = "".join(f"{100 * k},7,{max(k - 1, 0) % 3 * 1.1},{k % 3}\n" for k in range(40))
-    Path("rig.csv").write_text(heads + rows)
-    words = ["compare", "rig.csv", "--fmu", str(FOLDER / version / "Feedthrough.fmu"), "--out", "o"]
-    words += ["--input", ports[0], "--output", ports[1]]
-    assert main(words) == 0
-    said = capsys.readouterr()
-    assert f"{ports[1]}: the FMU declares no unit for this output; it is taken in bar" in said.err
-    assert "gain × 1.1, " in said.out
-    first = Path("o/comparison.json").read_text(encoding="utf-8")
-    assert main([*words, "--untimed"]) == 0
-    assert Path("o/earlier/comparison.json").read_text(encoding="utf-8") == first
-    assert Path("o/comparison.json").read_text(encoding="utf-8") != first
-
-
 @pytest.mark.parametrize(("units", "found"), [("um", "'um'"), ("V,um,s", "'V,um,s'"), ("", "''")])
 def test_units_that_cannot_be(units: str, found: str, capsys: pytest.CaptureFixture[str]):
     assert main(["tune", "--fmu", str(FOLDER / "fmi2" / "Feedthrough.fmu"), "--units", units, "--out", "o"]) == 2

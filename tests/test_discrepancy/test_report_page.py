@@ -22,7 +22,7 @@ from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.page import gap_bars, report_page
 from bender_discrepancy.report.residual_pictures import banded_density
 from bender_plant.model import load_model
-from bender_report.chart import inline, thinned
+from bender_report.chart import inline
 from bender_report.palette import TOKENS
 from bender_report.wording import figure, listed, percent, plain, quantity, uncertain
 
@@ -191,14 +191,6 @@ def test_bars_of_rivals_grow_with_what_they_are_worse_by(differences: list[float
     assert 0.0 < line < 100.0
     for (_, difference), width in zip(rivals, widths, strict=True):
         assert (width >= line - 0.02) == (difference >= VERY_STRONG) or abs(difference - VERY_STRONG) < 0.05
-
-
-def test_thinning_keeps_the_extremes():
-    values = np.sin(np.arange(10_000) / 50.0)
-    values[7_654] = 9.0
-    rows = thinned(values, 500)
-    assert rows.size <= 502
-    assert {7_654, int(values.argmin())} <= set(rows.tolist())
 
 
 def test_density_of_white_noise_is_flat_and_its_size_known():

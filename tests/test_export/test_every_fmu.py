@@ -58,7 +58,7 @@ def _default(block_id: str) -> BlockSettings:
 MODELS = _models()
 
 
-QUICK = ["paper", "bench", "transducer_bouc_wen", "effect_saturation_knee", "effect_creep"]
+QUICK = ["paper", "beam", "bench", "transducer_bouc_wen", "effect_saturation_knee", "effect_creep"]
 """These are built in every run of the tests, the others for `make test-all`."""
 THESE_AND_ALL = pytest.mark.parametrize(
     "names", [QUICK, pytest.param(list(MODELS), marks=pytest.mark.slow)], ids=["some", "all"]
@@ -89,9 +89,15 @@ def test_every_effect_is_among_them() -> None:
     assert effects <= {block_id for block_id, _ in EXAMPLES}
 
 
-@pytest.mark.parametrize("name", few(MODELS, *(list(MODELS).index(name) for name in QUICK)))
-def test_no_check_finds_anything(fmus: Fmus, name: str) -> None:
-    (path,) = fmus([name])
+@pytest.mark.parametrize(
+    "name", ["controller", "reference", *few(MODELS, *(list(MODELS).index(name) for name in QUICK))]
+)
+def test_no_check_finds_anything(fmus: Fmus, name: str, tmp_path: Path) -> None:
+    if name in MODELS:
+        (path,) = fmus([name])
+    else:
+        path = tmp_path / f"{name}.fmu"
+        path.write_bytes(controller_fmu() if name == "controller" else reference_fmu())
     with zipfile.ZipFile(path) as archive:
         text = archive.read("modelDescription.xml")
         root = ElementTree.fromstring(text)
