@@ -83,7 +83,7 @@ def outcome(
     entries += [{"kind": "applied", "t": 2.0 + k, "voltage_V": x} for k, x in enumerate(volts)]
     monkeypatch.setattr(fault_matrix, "journal_of", lambda *_: entries)
     truth = {"is_on": False, "output_V": 0.0}
-    empty = Cell("SIGSTOP to the terminal", state, "", None, 0.0, "")
+    empty = Cell("SIGSTOP to the terminal", state, "", None, "")
     run: Any = Ended()
     return judged(empty, run, 1, folder, truth, 33.0, 1.5, journal=lambda _: [])
 

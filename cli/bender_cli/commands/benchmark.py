@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         module = importlib.import_module(path)
         parser = names.add_parser(name, help=module.HELP, description=module.HELP)
         module.add_arguments(parser)
+        parser.add_argument("--out", type=Path, metavar="DIR", default=Path(f"results/benchmark-{name}"))
         parser.add_argument(
             "--write-docs",
             nargs="?",

@@ -53,9 +53,7 @@ def run_camera_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) 
         run.end(0.0)
         clear_faults(bench.control_port)
     truth = bench.supply.truth()
-    cell = judged(
-        Cell(fault, state, "", None, 0.0, ""), run, status, folder / "run", truth, off_s, fault_s, is_timed=False
-    )
+    cell = judged(Cell(fault, state, "", None, ""), run, status, folder / "run", truth, off_s, fault_s, is_timed=False)
     return replace(cell, seconds=None, broken="; ".join(x for x in (cell.broken, _unnoticed(cell)) if x))
 
 

@@ -124,7 +124,6 @@ class Cell:
         state: in which it came.
         outcome: "off" (verified), "alarm", "refused" before anything was switched on, or "on".
         code: why the run ended, None where no rule ended it.
-        remaining_V: what is really at the terminals at the end.
         seconds: from what ended the run to the output off or the alarm; None where nothing was on.
         broken: what should not be; empty for a cell that is in order.
         status: of the run; None where it was lost.
@@ -135,7 +134,6 @@ class Cell:
     state: str
     outcome: str
     code: str | None
-    remaining_V: float
     broken: str
     seconds: float | None = None
     status: int | None = None
@@ -200,7 +198,7 @@ def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell
     supply.power_on()
     if fault == LYING_RELAY:
         truth["is_on"] = False
-    cell = judged(Cell(fault, state, "", None, 0.0, ""), run, status, place / "run", truth, off_s, fault_s)
+    cell = judged(Cell(fault, state, "", None, ""), run, status, place / "run", truth, off_s, fault_s)
     return cell if status is not None else replace(cell, broken=f"no end; {cell.broken}")
 
 
@@ -255,7 +253,6 @@ def judged(
         cell,
         outcome=outcome,
         code=code_of(folder),
-        remaining_V=float(truth["output_V"]),
         broken="; ".join(faults),
         seconds=seconds,
         status=status,

@@ -47,7 +47,7 @@ def run_matrix(
                     return run(bench, *pair, folder if trial == 1 else folder / f"trial-{trial}")
                 except RunError as error:
                     reason = str(error)
-            return Cell(*pair, "not reached", None, 0.0, reason)
+            return Cell(*pair, "not reached", None, reason)
         finally:
             free.put(bench)
             done(*pair)

@@ -127,7 +127,7 @@ class _Trial:
             trip = first_of(journal_of(self._folder), "trip")
             fault_s = fault_s if trip is None else trip["t"]
         status = self._run.end(0.1 if _is_stopped(controller) or self._fault in _NO_END else _PATIENCE_S)
-        cell = Cell(self._fault, self._state, "", None, 0.0, "")
+        cell = Cell(self._fault, self._state, "", None, "")
         truth = self._supply.truth()
         return judged(cell, self._run, status, self._folder, truth, off_s, fault_s, journal=self._journal_faults)
 

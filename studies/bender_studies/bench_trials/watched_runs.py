@@ -68,7 +68,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--realtime", action="store_true", help="with controller.realtime = true in the bench file (Linux)"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="where pictures of the page go, with --browsers")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -86,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     lengths_s = [arguments.seconds] * arguments.times + ([60.0 * arguments.minutes] if arguments.minutes else [])
     if not lengths_s or not all(1.0 <= x <= 86_400.0 for x in lengths_s):
         raise InputError("--times, --seconds, --minutes: expected a run at least, each of 1 s to a day")
-    if arguments.out is not None:
+    if arguments.browsers:
         prepare_directory(arguments.out)
     found: list[Stopped] = []
     before = _load()

@@ -3,7 +3,6 @@
 import argparse
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 HELP = "five emulated benches of different kinds: check, step, staircase, investigation and diagnosis of each"
 
@@ -14,7 +13,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget-s", type=float, default=240.0, metavar="S", help="bench time of each investigation (default: 240)"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-benches"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -37,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--learn", type=int, default=0, metavar="N", help="instead: a scan on N benches with hysteresis and creep"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-control"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -137,7 +137,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--first-seed", type=int, default=1, metavar="S", help="seed of the first machine (default: 1)")
     parser.add_argument("--data", type=Path, metavar="DIR", help=f"default: {DATA} beside the checkout")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-devices"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -54,7 +54,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--longest", type=int, default=LONGEST, metavar="ROWS", help=f"rows of the longest record (default: {LONGEST})"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the first bench (default: 1)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-diagnose"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -70,7 +70,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="fit the weights of the probabilities to every second case, print how well they are kept on the others",
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -3,7 +3,6 @@
 import argparse
 import sys
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 HELP = "first models (`bender model fit`) of random linear systems: order, simulation error, time"
 COLUMNS = ("number", "true order", "drive", "noise dB", "found", "error over the true model's", "s")
@@ -30,7 +29,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how many systems, from which seed, and where the results go."""
     parser.add_argument("--systems", type=int, default=30, metavar="N", help="number of random systems (default: 30)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the first system (default: 1)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-model"))
 
 
 def run(arguments: argparse.Namespace) -> int:

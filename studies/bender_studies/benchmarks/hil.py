@@ -58,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repeats", type=int, default=10, metavar="N", help="repetitions of each reaction (default: 10)"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-hil"))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -281,7 +280,7 @@ def _camera_cells(pairs: Pairs, fmu: Path, folder: Path, done: "Callable[[str, s
             try:
                 found.append(run_camera_cell(bench, fault, state, folder / f"{fault}-{state}"))
             except RunError as error:
-                found.append(Cell(fault, state, "not reached", None, 0.0, str(error)))
+                found.append(Cell(fault, state, "not reached", None, str(error)))
             done(fault, state)
     return found
 

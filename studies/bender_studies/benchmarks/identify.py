@@ -12,7 +12,6 @@ LONGEST = 32
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how many seeds the claims with noise get, and where the results go."""
     parser.add_argument("--seeds", type=int, default=5, metavar="N", help="seeds of each claim with noise (default: 5)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-identify"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -34,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--kills", action="store_true", help="instead: kill -9 each process in each phase, and resume")
     parser.add_argument("--phases", nargs="+", metavar="PHASE", help="with --kills: only in these")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-investigate"))
 
 
 def run(arguments: argparse.Namespace) -> int:

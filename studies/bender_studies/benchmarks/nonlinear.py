@@ -149,7 +149,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", nargs="+", metavar="NAME", help=f"default: all of {names}")
     parser.add_argument("--data", type=Path, metavar="DIR", help=f"default: {DATA} beside the checkout")
     parser.add_argument("--first-only", action="store_true", help="first models alone, without a diagnosis")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-nonlinear"))
 
 
 def run(arguments: argparse.Namespace) -> int:

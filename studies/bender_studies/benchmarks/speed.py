@@ -16,7 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repeats", type=int, metavar="N", help="of every measurement (default: as many as each one needs)"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-speed"))
 
 
 def run(arguments: argparse.Namespace) -> int:

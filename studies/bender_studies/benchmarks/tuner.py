@@ -29,15 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--methods", nargs="+", metavar="METHOD", help="default: all methods")
     parser.add_argument("--plants", nargs="+", metavar="PLANT", help="T1, T2 or both (default)")
-    parser.add_argument(
-        "--substeps",
-        type=int,
-        default=1,
-        metavar="N",
-        help="judge the error at N points per frame (default: 1, at the samples, as equation (28) has it)",
-    )
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-tuner"))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -60,7 +52,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _settings(arguments: argparse.Namespace) -> "StudySettings":
     import os
-    from dataclasses import replace
 
     from bender_loop.errors import InputError
     from bender_studies.tuning.plants import PLANTS
@@ -79,7 +70,7 @@ def _settings(arguments: argparse.Namespace) -> "StudySettings":
             optimum_evaluations=arguments.optimum_evaluations,
             jobs=(os.cpu_count() or 1) if arguments.jobs is None else arguments.jobs,
             methods=tuple(dict.fromkeys(arguments.methods or METHODS)),
-            plants=tuple(replace(known[name], substeps=arguments.substeps) for name in wanted),
+            plants=tuple(known[name] for name in wanted),
         )
     except ValueError as error:
         raise InputError(f"bender benchmark tuner: {error}") from None

@@ -27,7 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rulers", type=int, default=10, metavar="N", help="pictures of each ruler (default: 10)")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-vision"))
 
 
 def run(arguments: argparse.Namespace) -> int:

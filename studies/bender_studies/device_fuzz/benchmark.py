@@ -17,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--devices", type=int, default=100, metavar="N", help="120 s each at most (default: 100)")
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="of the first; the same seed, the same device")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="at a time (default: 2)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-fuzz"))
 
 
 def run(arguments: argparse.Namespace) -> int:

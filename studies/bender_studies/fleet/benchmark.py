@@ -36,7 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--groups", type=int, metavar="K", help="sets of gains (default: as many as are needed)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="default: 2")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-fleet"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -25,7 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--each", type=int, default=1, metavar="N", help="only every N-th case (default: 1)")
     parser.add_argument("--part", type=float, default=0.2, help="relative change of each constant (default: 0.2)")
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-constants"))
 
 
 def run(arguments: argparse.Namespace) -> int:

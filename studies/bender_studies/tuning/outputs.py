@@ -36,10 +36,8 @@ def to_json(settings: StudySettings, results: Sequence[PlantResult]) -> str:
 def heading(result: PlantResult) -> str:
     """Title of a plant's table, with its optimum."""
     plant = result.plant
-    between = f", judged at {plant.substeps} points per frame" if plant.substeps > 1 else ""
     return (
-        f"{plant.name}: {plant.title}{between}; optimum {result.reference_um2:.5g} µm², "
-        f"SIMC first guess {result.guess_um2:.4g}"
+        f"{plant.name}: {plant.title}; optimum {result.reference_um2:.5g} µm², SIMC first guess {result.guess_um2:.4g}"
     )
 
 

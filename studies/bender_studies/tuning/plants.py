@@ -29,12 +29,11 @@ class BenchmarkPlant:
         model: built-in model whose FMU is the plant.
         rate_Hz: of the camera and the controller.
         latency_frames: between a frame and its use.
-        substeps: plant steps per frame; with more than one the error between the frames counts too.
         setpoint_um: level of the step.
         duration_s: length of a run.
 
     Raises:
-        ValueError: rate, latency, substeps or duration is out of its range.
+        ValueError: rate, latency or duration is out of its range.
     """
 
     name: str
@@ -42,7 +41,6 @@ class BenchmarkPlant:
     model: str
     rate_Hz: float
     latency_frames: int
-    substeps: int = 1
     setpoint_um: float = 10.0
     duration_s: float = 2.0
 
@@ -52,7 +50,7 @@ class BenchmarkPlant:
     @property
     def sampling(self) -> Sampling:
         """How the camera sees the plant."""
-        return Sampling(self.rate_Hz, self.latency_frames, substeps=self.substeps)
+        return Sampling(self.rate_Hz, self.latency_frames)
 
 
 PLANTS = (

@@ -27,8 +27,6 @@ class Errors:
 
     Attributes:
         bias_px, rms_px, max_px: of the frames in which the tip was found and not far off.
-        displacement_rms_um: of the displacement from rest, in which a constant error cancels.
-        along_rms_px: along the wire.
         found, lost, far_off: numbers of frames; far off is an error of more than 10 px.
         median_ms, p99_ms: time for one frame, by the clock on the wall.
         p99_cpu_ms: of the processor, which other programs on the machine do not lengthen.
@@ -38,8 +36,6 @@ class Errors:
     bias_px: float
     rms_px: float
     max_px: float
-    displacement_rms_um: float
-    along_rms_px: float
     found: int
     lost: int
     far_off: int
@@ -52,8 +48,6 @@ class Errors:
 def measure_case(case: Case, method: str, frames: int, seed: int) -> Errors:
     """Look for the tip in `frames` pictures of scenes of one case; equal seeds give equal pictures."""
     across: list[float] = []
-    along: list[float] = []
-    displacement_um: list[float] = []
     spent_s: list[tuple[float, float]] = []
     reasons: Counter[str] = Counter()
     settings = case.scene()
@@ -67,11 +61,9 @@ def measure_case(case: Case, method: str, frames: int, seed: int) -> Errors:
         if tip.lost is not None:
             reasons[tip.lost] += 1
             continue
-        x, y = scene.tip_px(tip_um)
+        _, y = scene.tip_px(tip_um)
         across.append(tip.across_px - y)
-        along.append(tip.along_px - x)
-        displacement_um.append(tip.displacement_um - tip_um)
-    return _errors(np.array(across), np.array(along), np.array(displacement_um), np.array(spent_s), reasons)
+    return _errors(np.array(across), np.array(spent_s), reasons)
 
 
 def _sights(case: Case, method: str, frames: int, seed: int) -> Iterator[tuple[float, Scene, Tracker]]:
@@ -91,15 +83,13 @@ def _fresh(case: Case, method: str, seed: int) -> tuple[Scene, Values, Tracker]:
     return scene, tip_rng.uniform(-_TRAVEL_UM, _TRAVEL_UM, _FRAMES_PER_SCENE), tracker
 
 
-def _errors(across: Values, along: Values, displacement_um: Values, spent_s: Values, reasons: Counter[str]) -> Errors:
+def _errors(across: Values, spent_s: Values, reasons: Counter[str]) -> Errors:
     near = np.abs(across) <= _FAR_OFF_PX
     bias, rms, worst = _three(across[near])
     return Errors(
         bias_px=bias,
         rms_px=rms,
         max_px=worst,
-        displacement_rms_um=_three(displacement_um[near])[1],
-        along_rms_px=_three(along[near])[1],
         found=len(across),
         lost=reasons.total(),
         far_off=int(np.count_nonzero(~near)),

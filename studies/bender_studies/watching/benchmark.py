@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--diagnose", action="store_true", help="diagnose every alarm: some minutes each")
     parser.add_argument("--first-seed", type=int, default=SEED, metavar="N", help=f"of the draws (default: {SEED})")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-watch"))
 
 
 def run(arguments: argparse.Namespace) -> int:
