@@ -340,18 +340,6 @@ def test_what_is_found_after_a_command_ends_the_run_at_once(channels: tuple[Chan
     assert source.whats().count("protection?") == 1
 
 
-def test_it_says_that_it_is_alive_five_times_a_second_and_no_more(channels: tuple[Channel, Channel]):
-    ours, theirs = channels
-    ours.send(command(0, 1.0))
-    start_s = time.perf_counter()
-    Guard(ClockedSource(), replace(LIMITS, heartbeat_s=0.7), theirs, KeptJournal()).run()
-    passed_s = time.perf_counter() - start_s
-    count = 0
-    while (message := ours.receive(0.0)) is not None:
-        count += message["say"] == "alive"
-    assert 2 <= count <= passed_s / 0.2 + 1
-
-
 def test_the_statuses_are_those_of_the_manual():
     assert [int(status) for status in (Status.DONE, Status.TRIPPED, Status.REFUSED, Status.UNCONFIRMED)] == [0, 1, 2, 3]
 

@@ -14,7 +14,7 @@ from few import few
 from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Guard, Status
 from bender_hil.guard.start import GuardProcess
-from bender_loop.errors import InputError, RunError
+from bender_loop.errors import RunError
 
 pytest.importorskip("pyvisa_py")
 
@@ -36,35 +36,6 @@ def test_a_second_client_is_turned_away_and_harms_nobody(supply: EmulatedSupply,
     first.command(99, 5.0, time.perf_counter(), 0.0)
     first.stop()
     assert first.wait().status is Status.DONE
-
-
-def test_another_instrument_is_left_alone(supply: EmulatedSupply, tmp_path: Path):
-    with pytest.raises(InputError, match="expected B&K 9206"):
-        GuardProcess(orders(supply.resource, tmp_path, model="9206"))
-    assert not supply.truth()["is_remote"]
-
-
-@pytest.mark.slow
-def test_limits_that_the_model_cannot_keep_are_bad_input(supply: EmulatedSupply, tmp_path: Path):
-    with pytest.raises(
-        InputError, match=r"maximum_V must lie within 0 \.\.\. 80 V with the 9\w+, found .*\[emulator\] supply"
-    ):
-        GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, maximum_V=90.0, protection_V=95.0)))
-    assert_off(supply)
-
-
-def test_nobody_at_the_address_is_a_failed_run(tmp_path: Path):
-    with pytest.raises(RunError, match="is it switched on"):
-        GuardProcess(orders("TCPIP::127.0.0.1::1::SOCKET", tmp_path))
-
-
-def test_a_supply_that_cannot_be_switched_off_raises_the_alarm(supply: EmulatedSupply, tmp_path: Path):
-    supply.fault("stuck_on")
-    guard = GuardProcess(orders(supply.resource, tmp_path))
-    guard.stop()
-    ended = guard.wait()
-    assert ended.status is Status.UNCONFIRMED
-    assert ended.alarm.startswith("OUTPUT STATE UNKNOWN")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")

@@ -1,8 +1,5 @@
 """The guard as a process: what ends a run, and that the output is off afterwards. Nothing is timed here."""
 
-import contextlib
-import itertools
-import json
 import os
 import signal
 import subprocess
@@ -17,7 +14,6 @@ from few import few, few_rows
 
 from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Status
-from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import GuardProcess
 from bender_hil.log.journal import read_journal
 from bender_loop.shell.messages import ClosedError
@@ -142,85 +138,6 @@ def _keep_asking(guard: GuardProcess) -> None:
         if guard.has_tripped():
             raise ClosedError("it has tripped")
         time.sleep(0.01)
-
-
-@pytest.mark.parametrize(
-    ("limits", "tip", "code"),
-    [
-        (replace(QUICK, travel_um=(-1.0, 5.0)), None, "travel"),
-        (replace(QUICK, frame_age_s=0.02), 0.0, "frame_age"),
-    ],
-)
-def test_the_guard_judges_by_itself(
-    supply: EmulatedSupply, tmp_path: Path, limits: GuardSettings, tip: float | None, code: str
-):
-    guard = GuardProcess(orders(supply.resource, tmp_path, limits))
-    if code == "frame_age":
-        guard.command(0, 3.0, time.perf_counter(), 0.0)
-        with contextlib.suppress(ClosedError):
-            _keep_asking(guard)
-    else:
-        drive(guard, 30, tip=tip)
-    ended = guard.wait()
-    assert (ended.status, ended.code) == (Status.TRIPPED, code)
-    assert_off(supply)
-
-
-def test_a_lost_tip_is_borne_for_a_while(supply: EmulatedSupply, tmp_path: Path):
-    guard = GuardProcess(orders(supply.resource, tmp_path))
-    for tick, tip_um in enumerate([0.0, None, None, 0.1, None, None, 0.2]):
-        guard.command(tick, 1.0, time.perf_counter(), tip_um)
-        time.sleep(0.02)
-    assert not guard.has_tripped()
-    for tick in range(7, 10):
-        guard.command(tick, 1.0, time.perf_counter(), None)
-        time.sleep(0.02)
-    assert guard.wait().code == "lost_tip"
-    assert_off(supply)
-
-
-def test_commands_beyond_the_limits_are_clamped_and_counted(supply: EmulatedSupply, tmp_path: Path):
-    guard = GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, maximum_V=10.0, protection_V=12.0)))
-    for tick, wanted_V in enumerate([-3.0, 5.0, 10.5, 1e9]):
-        guard.command(tick, wanted_V, time.perf_counter(), 0.0)
-        _wait_until_applied(tmp_path, tick)
-    guard.stop()
-    ended = guard.wait()
-    assert ended.facts["clamped"] == 3
-    assert [entry["clamped_V"] for entry in _entries(tmp_path, "clamped")] == [0.0, 10.0, 10.0]
-    assert max(entry["voltage_V"] for entry in _entries(tmp_path, "applied")) == 10.0  # pyright: ignore
-
-
-def _wait_until_applied(folder: Path, sequence: int) -> None:
-    end_s = time.perf_counter() + 0.9
-    while time.perf_counter() < end_s:
-        if any(entry["sequence"] == sequence for entry in _entries(folder, "applied")):
-            return
-        time.sleep(0.01)
-
-
-def test_a_jump_is_led_by_the_slew_limit(supply: EmulatedSupply, tmp_path: Path):
-    limits = replace(QUICK, slew_V_per_s=100.0, burst_s=0.05, settle_s=0.5)
-    guard = GuardProcess(orders(supply.resource, tmp_path, limits))
-    for _ in range(25):
-        guard.command(0, 30.0, time.perf_counter(), 0.0)
-        time.sleep(0.02)
-    guard.stop()
-    assert guard.wait().facts["slowed"] > 0
-    steps = [(entry["command_time_s"], entry["voltage_V"]) for entry in _entries(tmp_path, "applied")]
-    assert steps[-1][1] == 30.0
-    for (before_s, before_V), (after_s, after_V) in itertools.pairwise(steps):
-        assert after_V - before_V <= 100.0 * (after_s - before_s + 0.05) + 1e-2  # pyright: ignore
-
-
-@pytest.mark.slow
-def test_the_journal_is_lines_of_json_without_gaps(supply: EmulatedSupply, tmp_path: Path):
-    guard = GuardProcess(orders(supply.resource, tmp_path))
-    drive(guard, 5)
-    guard.process.send_signal(signal.SIGTERM)
-    guard.wait()
-    lines = (tmp_path / "guard.jsonl").read_text().splitlines()
-    assert [json.loads(line)["n"] for line in lines] == list(range(len(lines)))
 
 
 @pytest.mark.parametrize("name", few(["statistics", "random", "secrets"], 0))

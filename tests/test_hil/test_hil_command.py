@@ -98,16 +98,6 @@ def test_open_loop_with_a_hidden_effect_over_a_serial_line(tmp_path: Path):
     assert 3.0 < np.nanmean(record.displacement_um[top]) < 9.0
 
 
-def test_no_tip_and_no_way_to_switch_off_is_the_alarm(bench: EmulatedBench, as_if_real: Path, capfd):
-    as_if_real.write_text(as_if_real.read_text() + "shutdown_limit_s = 0.5\n")
-    bench.supply.fault("stuck_on")
-    set_fault(bench.control_port, "black")
-    assert main(["hil", "--bench", str(as_if_real), "--out", str(as_if_real.parent / "run")]) == 3
-    err = capfd.readouterr().err
-    assert "OUTPUT STATE UNKNOWN" in err
-    assert "rest position" in err
-
-
 def test_a_function_generator_gives_both_polarities(tmp_path: Path):
     path = tmp_path / "generator.toml"
     limits = "maximum_V = 10.0\nminimum_V = -10.0\nprotection_V = 11.0\ntravel_um = [-20.0, 20.0]\n"
