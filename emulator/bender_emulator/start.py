@@ -5,18 +5,17 @@ import json
 import subprocess
 import sys
 import time
-from types import TracebackType
-from typing import Self
 
 from bender_emulator.settings import SupplyEmulation
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.shell.messages import Channel, Message, call
 from bender_loop.shell.process_group import own_group
 
 _LEAVE_S = 10.0
 
 
-class EmulatedSupply:
+class EmulatedSupply(ClosedAtExit):
     """The process of an emulated supply.
 
     Args:
@@ -50,14 +49,6 @@ class EmulatedSupply:
         self.port: int = place.get("port", 0)
         self.sensor_resource: str | None = place.get("sensor")
         self.console: Channel = call(place["console"], place["password"])
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def fault(self, name: str, value: float | str = 1) -> None:
         """Switch a fault of `Faults`, or do one of the console's own.

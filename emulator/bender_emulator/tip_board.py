@@ -21,10 +21,11 @@ import mmap
 import struct
 import time
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
+
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 
 _COUNTER = struct.Struct("<q")
 _VALUES = struct.Struct("<3d")
@@ -52,19 +53,11 @@ def _place(count: int) -> int:
     return _COUNTER.size + count % _LINES * _VALUES.size
 
 
-class _Board:
+class _Board(ClosedAtExit):
     def __init__(self, path: Path | str, access: str) -> None:
         with Path(path).open(access) as file:
             mode = mmap.ACCESS_READ if access == "rb" else mmap.ACCESS_WRITE
             self._memory = mmap.mmap(file.fileno(), _SIZE, access=mode)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Let go of the file; it stays for the others."""

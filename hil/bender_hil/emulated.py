@@ -7,8 +7,7 @@ import sys
 import tempfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from bender_emulator.sensors.settings import DAQ, KINDS, SCOPES, TEXT, SensorEmulation
 from bender_emulator.settings import SupplyEmulation
@@ -31,6 +30,7 @@ from bender_hil.supply.capability import MODELS
 from bender_hil.supply.select import GENERATOR, SupplySettings
 from bender_loop.bounds import check_numbers
 from bender_loop.errors import InputError
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.shell.process_group import own_group
 
 LINKS = ("tcp", "pty")
@@ -173,7 +173,7 @@ class EmulationSettings:
         return SupplySettings(resource, model=self.supply, baud=self.baud)
 
 
-class EmulatedBench:
+class EmulatedBench(ClosedAtExit):
     """Both processes; a context manager that ends them.
 
     Args:
@@ -235,14 +235,6 @@ class EmulatedBench:
             raise
         self.stream: str = place["stream"]
         self.control_port: int = place["control_port"]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End both processes and remove what they shared."""

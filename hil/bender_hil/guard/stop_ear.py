@@ -7,8 +7,8 @@ never waits: a look at it costs some microseconds, and what is not the token is 
 import contextlib
 import hmac
 import socket
-from types import TracebackType
-from typing import Self
+
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 
 LOOPBACK = "127.0.0.1"
 HEARD = b"heard"
@@ -16,7 +16,7 @@ _LONGEST_BYTES = 256
 _MOST_AT_ONCE = 20
 
 
-class StopEar:
+class StopEar(ClosedAtExit):
     """A socket that hears STOP.
 
     Args:
@@ -38,14 +38,6 @@ class StopEar:
         self._socket.bind((LOOPBACK, 0))
         self._socket.setblocking(False)
         self.port: int = self._socket.getsockname()[1]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def heard(self) -> bool:
         """Whether somebody has said STOP; whoever did is answered. Never waits, never raises."""

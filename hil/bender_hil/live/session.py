@@ -11,20 +11,20 @@ import sys
 import tempfile
 import threading
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from bender_hil.guard.stop_ear import LOOPBACK
 from bender_hil.live.frame_board import FrameWriter
 from bender_hil.runner.tip_camera import Sight
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.shell.process_group import own_group
 
 BUTTON_GONE = "bender: the process of the STOP button has gone: STOP on the page does nothing, Ctrl-C here does\n"
 _LEAVE_S = 3.0
 
 
-class LiveSession:
+class LiveSession(ClosedAtExit):
     """A page for one run, one investigation or one past run; a context manager that ends both processes.
 
     Args:
@@ -62,14 +62,6 @@ class LiveSession:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End both processes."""

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from fmpy.fmi1 import FMICallException
 
@@ -12,9 +10,10 @@ from bender_loop.errors import RunError
 from bender_loop.fmu.file import co_simulation, read_description
 from bender_loop.fmu.instance import FmuInstance
 from bender_loop.fmu.ports import Setting, find_controller_ports, parameter_settings
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 
 
-class FmuController:
+class FmuController(ClosedAtExit):
     """A controller FMU, sampled: one communication step is one sample.
 
     Args:
@@ -47,14 +46,6 @@ class FmuController:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def step(self, setpoint_um: float, measurement_um: float, dt_s: float) -> float:
         """Take one sample; returns the command in V.

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import NoReturn, Self
+from typing import NoReturn
 
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.calls import step_calls
@@ -13,6 +12,7 @@ from bender_loop.fmu.instance import FmuInstance
 from bender_loop.fmu.ports import Setting, find_input, find_output, parameter_settings
 from bender_loop.fmu.schedule import NO_SCHEDULE, Schedule
 from bender_loop.records.further import Array, Further
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.tables.quantities import USUAL, Quantities
 
 # Inputs of the trial that shows whether a saved state holds all of the FMU's memory.
@@ -22,7 +22,7 @@ _TRIAL_STEP_S = 0.01
 _UNREAL_UM = 1e100
 
 
-class FmuPlant:
+class FmuPlant(ClosedAtExit):
     """An FMU behind the `Plant` protocol; one instance serves for all runs.
 
     Unpacking and loading happen once. `reset` restores the state saved after initialisation where the FMU can do
@@ -83,14 +83,6 @@ class FmuPlant:
             raise
         self._stale = False
         self._rewind()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @property
     def time_s(self) -> float:

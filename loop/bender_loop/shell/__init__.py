@@ -4,6 +4,7 @@
 |---|---|
 | `bounded` | reading of files that may be anything |
 | `cache` | what is kept between runs: where, how large, and to clear it |
+| `closed_at_exit` | what is closed at the end of a `with` block |
 | `complaint` | what pydantic finds wrong with a file, in one sentence that a person can act on |
 | `completion` | the script that lets a shell complete commands and options |
 | `extras` | what an optional part needs, and the command that installs it here |

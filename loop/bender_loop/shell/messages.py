@@ -10,8 +10,9 @@ import secrets
 import select
 import socket
 import time
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
+
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 
 Message = dict[str, Any]
 LOOPBACK = "127.0.0.1"
@@ -22,7 +23,7 @@ class ClosedError(Exception):
     """The other side has gone, or does not speak this language."""
 
 
-class Channel:
+class Channel(ClosedAtExit):
     """Messages both ways over a connected stream socket."""
 
     def __init__(self, stream: socket.socket) -> None:
@@ -30,14 +31,6 @@ class Channel:
         stream.setblocking(True)
         self._stream = stream
         self._buffer = bytearray()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def send(self, message: Message) -> None:
         """Send one message; ClosedError when nobody is there."""

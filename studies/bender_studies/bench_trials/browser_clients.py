@@ -14,9 +14,10 @@ import time
 import urllib.error
 import urllib.request
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.shell.process_group import own_group
 
 WAYS = ("click", "space bar")
@@ -35,7 +36,7 @@ _COUNT = """(() => {
 """The page may load itself anew, after the connection to its server was lost: the count goes on."""
 
 
-class Browsers:
+class Browsers(ClosedAtExit):
     """The process of the browsers, from the side of whoever measures; a context manager that ends it.
 
     Args:
@@ -58,12 +59,6 @@ class Browsers:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def ask(self, what: str, **facts: Any) -> dict[str, Any]:
         """Have something done, one of the methods of `_Clients`; returns what is said of it.

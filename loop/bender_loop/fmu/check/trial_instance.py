@@ -1,8 +1,7 @@
 """One instance of an FMU with all its real inputs moved alike and all its real outputs read."""
 
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
@@ -11,11 +10,12 @@ from bender_loop.errors import RunError
 from bender_loop.fmu.file import is_fmi3
 from bender_loop.fmu.instance import FmuInstance
 from bender_loop.fmu.ports import is_port
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 
 _STEP_S = 0.01
 
 
-class TrialInstance:
+class TrialInstance(ClosedAtExit):
     """An FMU under trial; inputs swing about their start values by a tenth of their nominal size, or of one.
 
     Attributes:
@@ -43,14 +43,6 @@ class TrialInstance:
         self._prefix = "fmi3" if is_fmi3(description) else "fmi2"
         self._owner = FmuInstance(path, description)
         self._states: list[Any] = []
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def begin(self, start_s: float = 0.0) -> None:
         """Initialise."""

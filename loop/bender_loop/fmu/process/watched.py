@@ -12,7 +12,6 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from bender_loop.errors import RunError
@@ -22,6 +21,7 @@ from bender_loop.fmu.file import read_description
 from bender_loop.fmu.ports import Port
 from bender_loop.fmu.process.worker import SAID, STEPS, STOP, StoppedError, Task, mapped_board, serve
 from bender_loop.records.further import Array, Further
+from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.tables.quantities import USUAL, Quantities
 
 NATIVE_CODE = "an FMU is native code: it runs with your rights, so use only those whose origin you trust"
@@ -34,7 +34,7 @@ _ENDING_S = 5.0
 _SHOWN = 200
 
 
-class WatchedPlant:
+class WatchedPlant(ClosedAtExit):
     """`FmuPlant` with the FMU in another process; the same results, bit for bit.
 
     A step there and back takes longer than one in this process, so whole runs are done there (see `at_the_plant`).
@@ -93,14 +93,6 @@ class WatchedPlant:
             self.close()
             raise
         self.input, self.output = ports
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def set_parameters(self, parameters: Mapping[str, float], /) -> None:
         """Set parameters from the next reset on; raises what `FmuPlant.set_parameters` raises."""
