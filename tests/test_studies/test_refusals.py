@@ -19,6 +19,7 @@ WORDS = [
     ("benchmark devices --only toaster", "found 'toaster', expected one of 'hairdryer'"),
     ("benchmark devices --drawn 1 --only valve", "--drawn"),
     ("benchmark nonlinear --data .", "silverbox_multisine.csv"),
+    ("benchmark identify --seeds 0", "--seeds: found 0"),
     ("benchmark hil --parts weather", "--parts: found 'weather'"),
     ("gallery cyclotron", "expected one of damper"),
     ("gallery servo --seed -1", "--seed: found -1, expected 0 or more"),
@@ -26,7 +27,7 @@ WORDS = [
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), few_rows(WORDS, 0, 3, 6, 9, 12, 14))
+@pytest.mark.parametrize(("words", "said"), few_rows(WORDS, 0, 3, 6, 9, 11, 13, 15))
 def test_words_that_cannot_be_used_are_one_line_and_nothing_is_written(
     words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

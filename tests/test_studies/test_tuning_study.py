@@ -81,14 +81,6 @@ def test_search_looks_outside_the_box() -> None:
     assert "1.09" in said
 
 
-def test_starts_of_the_polish_lie_apart() -> None:
-    end = global_tasks(2000)[0](Bowl(0.1, 0.2, 0.3))
-    starts = np.array(end.starts)
-    distances = np.linalg.norm(starts[:, np.newaxis] - starts[np.newaxis], axis=2)[np.triu_indices(len(starts), 1)]
-    assert len(starts) == 4
-    assert np.all(distances >= 0.1)
-
-
 @pytest.mark.parametrize("method", ["reliable_bas", "bas_printed"])
 def test_run_is_what_its_seed_makes_it(method: str) -> None:
     problem = Bowl(0.5, 0.5, 0.5)
@@ -97,12 +89,6 @@ def test_run_is_what_its_seed_makes_it(method: str) -> None:
     assert problem.evaluations == 80
     assert first.time_s > 0.0
     assert first.gains is not None
-
-
-def test_searches_begin_at_the_guess() -> None:
-    found = MethodTask("bas", 0, 1)(Bowl(0.0, 0.0, 0.0))
-    assert found.best_um2 == pytest.approx(1.0)
-    assert found.gains == pytest.approx((0.2, 10.0, 0.001))
 
 
 def test_figures_by_hand() -> None:
