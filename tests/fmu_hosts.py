@@ -1,15 +1,21 @@
-"""Importers at hand, each run in a process of its own; see the scripts in `test_export/importers`."""
+"""Importers and checkers at hand; each importer in a process of its own, by the scripts in `test_export/importers`."""
 
 import ctypes
 import json
 import subprocess
 import sys
+import zipfile
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
+
+from bender_loop.fmu.check.archive import archive_findings
+from bender_loop.fmu.check.description import description_findings, model_identifiers
+from bender_loop.fmu.check.standard import fmpy_findings, schema_findings
 
 SCRIPTS = Path(__file__).parent / "test_export" / "importers"
 WITHIN_M = 1e-12
@@ -59,3 +65,34 @@ def stepped_in_child(fmus: Sequence[Path], steps: Sequence[tuple[float, float]])
 
 def largest_difference(left: Sequence[float], right: Sequence[float]) -> float:
     return max(abs(a - b) for a, b in zip(left, right, strict=True))
+
+
+# fmutool reports errors in its log and by its exit status; the first of them ends the script
+FMUTOOL = """
+import sys
+from fmu_manipulation_toolbox.cli.fmutool import fmutool
+for path in sys.argv[1:]:
+    sys.argv = ["fmutool", "-input", path, "-check"]
+    fmutool()
+print("all checked")
+"""
+
+
+def assert_no_check_finds_anything(path: Path) -> None:
+    """Archive, schema, fmpy and the rules that checkers know."""
+    with zipfile.ZipFile(path) as archive:
+        text = archive.read("modelDescription.xml")
+        root = ElementTree.fromstring(text)
+        assert list(archive_findings(archive, model_identifiers(root))) == []
+    assert list(schema_findings("2.0", text)) == []
+    assert list(fmpy_findings(path)) == []
+    assert list(description_findings(root)) == []
+
+
+def assert_fmutool_finds_nothing(paths: Sequence[Path]) -> None:
+    pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
+    words = [sys.executable, "-c", FMUTOOL, *map(str, paths)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.endswith("all checked\n")
+    assert "ERROR" not in done.stdout + done.stderr

@@ -6,18 +6,15 @@ import sys
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from effect_examples import EXAMPLES
 from few import few
+from fmu_hosts import assert_fmutool_finds_nothing, assert_no_check_finds_anything
 
 from bender_export.archive import packed
 from bender_export.build import controller_fmu, plant_fmu, reference_fmu
-from bender_loop.fmu.check.archive import archive_findings
 from bender_loop.fmu.check.check import check
-from bender_loop.fmu.check.description import description_findings, model_identifiers
-from bender_loop.fmu.check.standard import fmpy_findings, schema_findings
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BUILT_IN, BlockSettings, Model, load_model
 from bender_plant.plant import Plant
@@ -25,16 +22,6 @@ from bender_plant.plant import Plant
 HERE = Path(__file__).parent
 STAIRS = [(12.0 * (k // 6 % 4), 0.012) for k in range(48)]
 InChild = Callable[[Sequence[Path], Sequence[tuple[float, float]]], list[list[list[float]]]]
-
-# fmutool reports errors in its log and by its exit status; the first of them ends the script
-FMUTOOL = """
-import sys
-from fmu_manipulation_toolbox.cli.fmutool import fmutool
-for path in sys.argv[1:]:
-    sys.argv = ["fmutool", "-input", path, "-check"]
-    fmutool()
-print("all checked")
-"""
 
 
 def _models() -> dict[str, Model]:
@@ -98,23 +85,12 @@ def test_no_check_finds_anything(fmus: Fmus, name: str, tmp_path: Path) -> None:
     else:
         path = tmp_path / f"{name}.fmu"
         path.write_bytes(controller_fmu() if name == "controller" else reference_fmu())
-    with zipfile.ZipFile(path) as archive:
-        text = archive.read("modelDescription.xml")
-        root = ElementTree.fromstring(text)
-        assert list(archive_findings(archive, model_identifiers(root))) == []
-    assert list(schema_findings("2.0", text)) == []
-    assert list(fmpy_findings(path)) == []
-    assert list(description_findings(root)) == []
+    assert_no_check_finds_anything(path)
 
 
 @pytest.mark.slow
 def test_fmutool_finds_nothing(fmus: Fmus) -> None:
-    pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
-    words = [sys.executable, "-c", FMUTOOL, *map(str, fmus(list(MODELS)))]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.endswith("all checked\n")
-    assert "ERROR" not in done.stdout + done.stderr
+    assert_fmutool_finds_nothing(fmus(list(MODELS)))
 
 
 @pytest.mark.slow

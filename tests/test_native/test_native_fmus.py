@@ -1,21 +1,21 @@
 """FMUs without Python through every checker and importer at hand."""
 
-import subprocess
-import sys
-import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from effect_examples import EXAMPLES
 from few import few
-from fmu_hosts import IMPORTERS, hosted, largest_difference, stepped_in_child
+from fmu_hosts import (
+    IMPORTERS,
+    assert_fmutool_finds_nothing,
+    assert_no_check_finds_anything,
+    hosted,
+    largest_difference,
+    stepped_in_child,
+)
 
-from bender_loop.fmu.check.archive import archive_findings
 from bender_loop.fmu.check.check import check
-from bender_loop.fmu.check.description import description_findings, model_identifiers
-from bender_loop.fmu.check.standard import fmpy_findings, schema_findings
 from bender_native.build import Way, native_controller_fmu, native_plant_fmu, native_reference_fmu
 from bender_native.compilers import own_compiler, own_platform
 from bender_plant.model import BUILT_IN, Model, load_model
@@ -27,15 +27,6 @@ pytestmark = pytest.mark.skipif(
 STEP_S = 0.01
 WITHIN_M = 1e-15
 STAIRS_V = [10.0 * (k // 20 % 6) for k in range(240)]
-
-FMUTOOL = """
-import sys
-from fmu_manipulation_toolbox.cli.fmutool import fmutool
-for path in sys.argv[1:]:
-    sys.argv = ["fmutool", "-input", path, "-check"]
-    fmutool()
-print("all checked")
-"""
 
 
 def _way(fmi: int) -> Way:
@@ -89,23 +80,12 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Fmus:
 @pytest.mark.parametrize("name", few(MODELS, list(MODELS).index("bench")))
 def test_no_check_finds_anything(fmus: Fmus, name: str) -> None:
     (path,) = fmus([name])
-    with zipfile.ZipFile(path) as archive:
-        text = archive.read("modelDescription.xml")
-        root = ElementTree.fromstring(text)
-        assert list(archive_findings(archive, model_identifiers(root))) == []
-    assert list(schema_findings("2.0", text)) == []
-    assert list(fmpy_findings(path)) == []
-    assert list(description_findings(root)) == []
+    assert_no_check_finds_anything(path)
 
 
 @pytest.mark.parametrize("names", few([["bench"], list(MODELS)], 0), ids=["one", "all"])
 def test_fmutool_finds_nothing(fmus: Fmus, names: list[str]) -> None:
-    pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
-    words = [sys.executable, "-c", FMUTOOL, *map(str, fmus(names))]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.endswith("all checked\n")
-    assert "ERROR" not in done.stdout + done.stderr
+    assert_fmutool_finds_nothing(fmus(names))
 
 
 @pytest.mark.parametrize("fmi", few([2, 3], 1))

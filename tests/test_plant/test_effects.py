@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from effect_examples import EXAMPLES, FILES, OWN_ORACLE
 from few import few, few_rows
+from plant_runs import run_plant
 from scipy.integrate import solve_ivp
 
 from bender_plant.blocks import BLOCKS
-from bender_plant.model import Model, load_model
-from bender_plant.plant import Plant
+from bender_plant.model import load_model
 
 PAPER = load_model("paper")
 OMEGA = 2 * math.pi * 104.37328430533374
@@ -26,18 +26,6 @@ def stairs_of(block_id: str) -> np.ndarray:
     return getattr(FILES.get(block_id), "VOLTS_V", STAIRS)
 
 
-def run(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1) -> np.ndarray:
-    plant = Plant(model)
-    state = plant.initial()
-    readings: list[float] = []
-    reading = 0.0
-    for k, voltage in enumerate(voltages):
-        for part in range(parts):
-            state, reading, _ = plant.step(state, float(voltage), (k + part / parts) * step_s, step_s / parts)
-        readings.append(reading)
-    return np.array(readings)
-
-
 def test_every_effect_has_an_example() -> None:
     machinery = {"linear_transduction", "learned_hysteresis", "sparse_equation", "prandtl_ishlinskii", "bouc_wen"}
     assert {block_id for block_id, _ in EXAMPLES} == set(BLOCKS) - machinery - {"bending_modes", "calibration"}
@@ -45,12 +33,14 @@ def test_every_effect_has_an_example() -> None:
 
 @pytest.mark.parametrize("block_id", sorted({block_id for block_id, _ in EXAMPLES} - {"slew_limit"}))
 def test_an_effect_is_neutral_as_it_comes(block_id: str) -> None:
-    assert np.allclose(run(PAPER.with_block(block_id), STAIRS, 0.03), run(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3)
+    assert np.allclose(
+        run_plant(PAPER.with_block(block_id), STAIRS, 0.03), run_plant(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3
+    )
 
 
 def test_a_quick_supply_is_neutral() -> None:
     fast = PAPER.with_block("slew_limit", slew_rate_V_per_s=1e9)
-    assert np.allclose(run(fast, STAIRS, 0.03), run(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3)
+    assert np.allclose(run_plant(fast, STAIRS, 0.03), run_plant(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3)
 
 
 @pytest.mark.parametrize("change_V", [1e-9, 1e-8, 2.6e-6, 4e-6, 6e-6, 1e-4])
@@ -58,14 +48,14 @@ def test_a_quick_supply_never_passes_a_command_that_is_close(change_V: float) ->
     # 738 V/s are 4.9 V in a step: the command is reached within a millionth of it
     supply = PAPER.with_block("slew_limit", slew_rate_V_per_s=738.0)
     held, rising = np.full(120, 20.0), np.concatenate((np.full(100, 20.0), 20.0 + change_V * np.arange(1, 21)))
-    moved = run(supply, rising, 1 / 150) - run(supply, held, 1 / 150)
+    moved = run_plant(supply, rising, 1 / 150) - run_plant(supply, held, 1 / 150)
     assert np.max(np.abs(moved)) < 2.0 * 20.0 * change_V + 1e-9
 
 
 @pytest.mark.parametrize(("block_id", "parameters"), few_rows(EXAMPLES, *range(0, len(EXAMPLES), 4)), ids=NAMES)
 def test_every_effect_changes_the_reading(block_id: str, parameters: dict[str, Any]) -> None:
-    changed = run(PAPER.with_block(block_id, **parameters), stairs_of(block_id), 0.03)
-    assert np.max(np.abs(changed - run(PAPER, stairs_of(block_id), 0.03))) > 0.02
+    changed = run_plant(PAPER.with_block(block_id, **parameters), stairs_of(block_id), 0.03)
+    assert np.max(np.abs(changed - run_plant(PAPER, stairs_of(block_id), 0.03))) > 0.02
 
 
 @pytest.mark.parametrize(("block_id", "parameters"), few_rows(EXAMPLES, *range(0, len(EXAMPLES), 4)), ids=NAMES)
@@ -73,7 +63,7 @@ def test_every_effect_changes_the_reading(block_id: str, parameters: dict[str, A
 def test_halving_the_step_changes_nothing(block_id: str, parameters: dict[str, Any], step_s: float) -> None:
     model = PAPER.with_block(block_id, **parameters)
     stairs = stairs_of(block_id)
-    whole, halves = run(model, stairs, step_s), run(model, stairs, step_s, parts=2)
+    whole, halves = run_plant(model, stairs, step_s), run_plant(model, stairs, step_s, parts=2)
     if block_id == "sensor_quantisation":
         assert np.max(np.abs(whole - halves)) < 0.7 + 1e-9
     else:
@@ -180,7 +170,7 @@ CONTINUOUS = {
 )
 def test_against_solve_ivp(block_id: str, parameters: dict[str, Any]) -> None:
     model = PAPER.with_block(block_id, **parameters)
-    ours = run(model, STAIRS, 1 / 30)
+    ours = run_plant(model, STAIRS, 1 / 30)
     assert np.max(np.abs(ours - oracle(block_id, parameters, STAIRS, 1 / 30))) < 1e-3
 
 
@@ -191,35 +181,35 @@ def test_against_solve_ivp(block_id: str, parameters: dict[str, Any]) -> None:
 )
 def test_against_the_oracle_of_its_own(block_id: str, parameters: dict[str, Any]) -> None:
     stairs = stairs_of(block_id)
-    ours = run(PAPER.with_block(block_id, **parameters), stairs, 1 / 30)
-    expected = FILES[block_id].oracle(parameters, stairs, 1 / 30, run(PAPER, stairs, 1 / 30))
+    ours = run_plant(PAPER.with_block(block_id, **parameters), stairs, 1 / 30)
+    expected = FILES[block_id].oracle(parameters, stairs, 1 / 30, run_plant(PAPER, stairs, 1 / 30))
     assert np.max(np.abs(ours - expected)) < 1e-3
 
 
 def test_a_delay_shifts_the_reading() -> None:
-    late = run(PAPER.with_block("transport_delay", delay_s=0.09), np.repeat(STAIRS, 3), 0.03)
-    assert np.max(np.abs(late[3:] - run(PAPER, np.repeat(STAIRS, 3), 0.03)[:-3])) < 1e-6
+    late = run_plant(PAPER.with_block("transport_delay", delay_s=0.09), np.repeat(STAIRS, 3), 0.03)
+    assert np.max(np.abs(late[3:] - run_plant(PAPER, np.repeat(STAIRS, 3), 0.03)[:-3])) < 1e-6
 
 
 def test_surroundings_and_sensor_add_what_they_say() -> None:
-    plain = run(PAPER, STAIRS, 0.05)
+    plain = run_plant(PAPER, STAIRS, 0.05)
     t = 0.05 * np.arange(1, len(STAIRS) + 1)
-    drift = run(PAPER.with_block("thermal_drift", amplitude_um=5.0, time_constant_s=0.5), STAIRS, 0.05)
+    drift = run_plant(PAPER.with_block("thermal_drift", amplitude_um=5.0, time_constant_s=0.5), STAIRS, 0.05)
     assert np.allclose(drift - plain, 5.0 * (1 - np.exp(-t / 0.5)), atol=2e-3)
-    hum = run(PAPER.with_block("periodic_disturbance", sine_um=3.0, frequency_Hz=7.0), STAIRS, 0.05)
+    hum = run_plant(PAPER.with_block("periodic_disturbance", sine_um=3.0, frequency_Hz=7.0), STAIRS, 0.05)
     assert np.allclose(hum - plain, 3.0 * np.sin(2 * math.pi * 7.0 * t), atol=2e-3)
-    old = run(PAPER.with_block("ageing", loss=0.5, time_constant_s=1.0), STAIRS, 0.05)
+    old = run_plant(PAPER.with_block("ageing", loss=0.5, time_constant_s=1.0), STAIRS, 0.05)
     assert np.allclose(old, plain * (1 - 0.5 * (1 - np.exp(-t))), atol=2e-3)
-    bent = run(PAPER.with_block("lens_distortion", quadratic_1_per_um=0.01), STAIRS, 0.05)
+    bent = run_plant(PAPER.with_block("lens_distortion", quadratic_1_per_um=0.01), STAIRS, 0.05)
     assert np.allclose(bent, plain + 0.01 * plain**2, atol=1e-9)
-    steps = run(PAPER.with_block("sensor_quantisation", step_um=0.7), STAIRS, 0.05)
+    steps = run_plant(PAPER.with_block("sensor_quantisation", step_um=0.7), STAIRS, 0.05)
     assert np.max(np.abs(steps - plain)) <= 0.35 + 1e-9
     assert np.allclose(steps / 0.7, np.round(steps / 0.7))
 
 
 def test_backlash_loses_twice_its_half_width_at_a_reversal() -> None:
-    settled = run(PAPER.with_block("backlash", half_width_um=1.0), np.repeat([50.0, 0.0], 400), 0.05)
-    plain = run(PAPER, np.repeat([50.0, 0.0], 400), 0.05)
+    settled = run_plant(PAPER.with_block("backlash", half_width_um=1.0), np.repeat([50.0, 0.0], 400), 0.05)
+    plain = run_plant(PAPER, np.repeat([50.0, 0.0], 400), 0.05)
     # the ringing after the step pushes the play to one side or the other, never further than its half-width
     assert abs(settled[399] - plain[399]) <= 1.0 + 1e-6
     assert abs(settled[-1] - plain[-1]) == pytest.approx(1.0, abs=1e-6)
@@ -227,4 +217,4 @@ def test_backlash_loses_twice_its_half_width_at_a_reversal() -> None:
 
 def test_a_spring_that_gives_way_is_an_error_not_a_number() -> None:
     with pytest.raises(ArithmeticError, match="ran away"):
-        run(PAPER.with_block("stiffening", cubic_1_per_um2=-0.01), np.full(20, 50.0), 0.05)
+        run_plant(PAPER.with_block("stiffening", cubic_1_per_um2=-0.01), np.full(20, 50.0), 0.05)

@@ -7,6 +7,7 @@ import pytest
 from few import few
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plant_runs import run_plant
 from scipy.integrate import solve_ivp
 
 from bender_plant.blocks import BLOCKS
@@ -15,19 +16,6 @@ from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.plant import Plant
 
 MICRON = 1e-3  # the contract's 1e-9 m, in um
-
-
-def run(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1) -> np.ndarray:
-    plant = Plant(model)
-    state = plant.initial()
-    readings: list[float] = []
-    reading = 0.0
-    for k, voltage in enumerate(voltages):
-        for part in range(parts):
-            time = (k + part / parts) * step_s
-            state, reading, _ = plant.step(state, float(voltage), time, step_s / parts)
-        readings.append(reading)
-    return np.array(readings)
 
 
 def oracle(voltages: np.ndarray, step_s: float, tau: float = 0.0, omega: float = 0.0, zeta: float = 0.02) -> np.ndarray:
@@ -66,7 +54,7 @@ OMEGA = 2 * math.pi * 104.37328430533374
 @pytest.mark.parametrize("step_s", [0.01, 1 / 30])
 def test_paper_model_against_solve_ivp(kind: str, step_s: float) -> None:
     voltages = excitation(kind, 40, step_s)
-    ours = run(load_model("paper"), voltages, step_s)
+    ours = run_plant(load_model("paper"), voltages, step_s)
     assert np.max(np.abs(ours - oracle(voltages, step_s, omega=OMEGA))) < MICRON
 
 
@@ -74,7 +62,7 @@ def test_paper_model_against_solve_ivp(kind: str, step_s: float) -> None:
 def test_bench_model_against_solve_ivp(tau: float) -> None:
     voltages = excitation("staircase", 24, 1 / 30)
     model = load_model("bench").with_values({"source_resistance.time_constant": tau})
-    assert np.max(np.abs(run(model, voltages, 1 / 30) - oracle(voltages, 1 / 30, tau, OMEGA))) < MICRON
+    assert np.max(np.abs(run_plant(model, voltages, 1 / 30) - oracle(voltages, 1 / 30, tau, OMEGA))) < MICRON
 
 
 def test_beam_model_against_the_modal_step_response() -> None:
@@ -90,7 +78,7 @@ def test_beam_model_against_the_modal_step_response() -> None:
         expected += share * (1 - np.exp(-zeta * omega * time) * swing)
         rest -= share
     expected = 50.0 * static_gain_um_per_V(model.beam) * (expected + rest)
-    assert np.max(np.abs(run(model, np.full(40, 50.0), 0.01) - expected)) < 1e-9
+    assert np.max(np.abs(run_plant(model, np.full(40, 50.0), 0.01) - expected)) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["paper", "beam", "bench"])
@@ -98,7 +86,7 @@ def test_beam_model_against_the_modal_step_response() -> None:
 def test_halving_the_step_changes_nothing(name: str, step_s: float) -> None:
     model = load_model(name)
     voltages = excitation("staircase", 12, step_s)
-    whole, halves = run(model, voltages, step_s), run(model, voltages, step_s, parts=2)
+    whole, halves = run_plant(model, voltages, step_s), run_plant(model, voltages, step_s, parts=2)
     assert np.max(np.abs(whole - halves)) < MICRON
 
 
@@ -116,7 +104,7 @@ def with_transducer(block_id: str, **parameters: object) -> Model:
 @pytest.mark.parametrize("step_s", [0.1, 1 / 30])
 def test_halving_the_step_with_real_hysteresis_behind_a_lag(model: Model, step_s: float) -> None:
     voltages = np.array([20.0, 45.0, 10.0, 30.0, 0.0, 50.0, 50.0, 25.0])
-    whole, halves = run(model, voltages, step_s), run(model, voltages, step_s, parts=2)
+    whole, halves = run_plant(model, voltages, step_s), run_plant(model, voltages, step_s, parts=2)
     assert np.max(np.abs(whole - halves)) < MICRON
 
 
@@ -144,14 +132,14 @@ def test_a_step_leaves_the_given_state_alone() -> None:
 
 def test_rest_stays_at_rest() -> None:
     for name in ("paper", "beam", "bench"):
-        assert np.all(run(load_model(name), np.zeros(20), 0.05) == 0.0)
+        assert np.all(run_plant(load_model(name), np.zeros(20), 0.05) == 0.0)
 
 
 def test_equation_30_settles_at_its_equilibrium() -> None:
     # 0.124 y^2 + 0.70 y = 1.652 u for y > 0
     for voltage in (1.0, 10.0, 50.0):
         expected = (-0.70 + math.sqrt(0.49 + 4 * 0.124 * 1.652 * voltage)) / (2 * 0.124)
-        settled = run(load_model("paper"), np.full(200, voltage), 0.2)[-1]
+        settled = run_plant(load_model("paper"), np.full(200, voltage), 0.2)[-1]
         assert settled == pytest.approx(expected, abs=1e-9)
     assert settled == pytest.approx(23.141, abs=5e-4)
 

@@ -1,0 +1,19 @@
+"""A plant under held voltages, as tests run it."""
+
+import numpy as np
+
+from bender_plant.model import Model
+from bender_plant.plant import Plant
+
+
+def run_plant(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1) -> np.ndarray:
+    """Return the reading after each step under held voltages, every step cut into so many parts."""
+    plant = Plant(model)
+    state = plant.initial()
+    readings: list[float] = []
+    reading = 0.0
+    for k, voltage in enumerate(voltages):
+        for part in range(parts):
+            state, reading, _ = plant.step(state, float(voltage), (k + part / parts) * step_s, step_s / parts)
+        readings.append(reading)
+    return np.array(readings)
