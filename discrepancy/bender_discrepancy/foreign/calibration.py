@@ -58,7 +58,7 @@ class Calibrated:
         parameters: those that were fitted.
         unseen: why a parameter was left as it is, by name.
         combinations: parameters that act only together: the first of each was fitted, the others left.
-        gain: of the reading; 1 where it was not free.
+        gain: of the reading, by the first sensor; 1 where it was not free.
         offsets_um: of the reading, in every record; 0 where they were not free.
         readings_um: (n,) of every record, gain and offset in them.
         before_um: (n,) of every record as the model is given.
@@ -88,13 +88,17 @@ class Calibrated:
 class _Task:
     """Readings of the FMU at coordinates, with gain and offsets solved for where they are free."""
 
-    def __init__(self, run: Run, seen: Sequence[Observations], free_reading: bool) -> None:
+    def __init__(
+        self, run: Run, seen: Sequence[Observations], free_reading: bool, sensors: Sequence[int] | None = None
+    ) -> None:
         self.run, self.seen, self.free = run, seen, free_reading
         self.masks = [x.usable & ~x.held_out for x in seen]
         self.measured = np.concatenate([x.measured_um[m] for x, m in zip(seen, self.masks, strict=True)])
         self.runs = 0
         rows = [np.full(int(m.sum()), k) for k, m in enumerate(self.masks)]
         self.record = np.concatenate(rows)
+        of_record = np.array(sensors if sensors is not None else [0] * len(seen))
+        self.sensor, self.sensors = of_record[self.record], int(of_record.max()) + 1
 
     def readings(self, suspects: Sequence[Suspect], point: Sequence[float]) -> list[Array]:
         self.runs += 1
@@ -107,25 +111,33 @@ class _Task:
         """Return a column without what gain and offsets of the reading explain of it."""
         if not self.free:
             return column
-        basis = np.column_stack([simulated, *[(self.record == k).astype(float) for k in range(len(self.masks))]])
+        basis = self._basis(simulated)
         return column - basis @ np.linalg.lstsq(basis, column, rcond=None)[0]
 
-    def reading(self, simulated: Array) -> tuple[float, tuple[float, ...]]:
-        """Return gain and offsets that meet the measurement best; 1 and 0 where they are not free."""
+    def _basis(self, simulated: Array) -> Array:
+        gains = [np.where(self.sensor == k, simulated, 0.0) for k in range(self.sensors)]
+        return np.column_stack([*gains, *[(self.record == k).astype(float) for k in range(len(self.masks))]])
+
+    def reading(self, simulated: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the gain of every sensor and the offsets that meet the measurement best; 1 and 0 if not free."""
         if not self.free:
-            return 1.0, (0.0,) * len(self.masks)
-        basis = np.column_stack([simulated, *[(self.record == k).astype(float) for k in range(len(self.masks))]])
-        found = np.linalg.lstsq(basis, self.measured, rcond=None)[0]
-        return float(found[0]), tuple(float(x) for x in found[1:])
+            return (1.0,) * self.sensors, (0.0,) * len(self.masks)
+        found = np.linalg.lstsq(self._basis(simulated), self.measured, rcond=None)[0].tolist()
+        return tuple(found[: self.sensors]), tuple(found[self.sensors :])
 
     def residual(self, readings: Sequence[Array]) -> Array:
         simulated = self.flat(readings)
-        gain, offsets = self.reading(simulated)
-        return self.measured - gain * simulated - np.array(offsets)[self.record]
+        gains, offsets = self.reading(simulated)
+        return self.measured - np.array(gains)[self.sensor] * simulated - np.array(offsets)[self.record]
 
 
 def calibrate(
-    run: Run, seen: Sequence[Observations], suspects: Sequence[Suspect], *, free_reading: bool = False
+    run: Run,
+    seen: Sequence[Observations],
+    suspects: Sequence[Suspect],
+    *,
+    free_reading: bool = False,
+    sensors: Sequence[int] | None = None,
 ) -> Calibrated:
     """Return what the records say of the suspected parameters.
 
@@ -134,11 +146,12 @@ def calibrate(
         seen: the records.
         suspects: in the order in which they are preferred where some act only together.
         free_reading: gain and offset of the reading are free beside them.
+        sensors: number of the sensor of every record, from 0 on, each with a gain of its own; None for one.
 
     Raises:
         RunError: the FMU cannot be run as it is given.
     """
-    task = _Task(run, seen, free_reading)
+    task = _Task(run, seen, free_reading, sensors)
     given = [x.inward(x.given) for x in suspects]
     before = task.readings(suspects, given)
     noise = _noise_um(seen, before)
@@ -146,16 +159,17 @@ def calibrate(
     used = [x for x in suspects if x.name in columns]
     point = _fit(task, used) if used else np.empty(0)
     after = task.readings(used, point.tolist()) if used else before
-    gain, offsets = task.reading(task.flat(after))
+    gains, offsets = task.reading(task.flat(after))
     deviations = _deviations(task, used, point, after)
     noise = min(noise, _noise_um(seen, after))
-    readings = [gain * y + offset for y, offset in zip(after, offsets, strict=True)]
+    of_record = sensors if sensors is not None else [0] * len(seen)
+    readings = [gains[k] * y + offset for y, offset, k in zip(after, offsets, of_record, strict=True)]
     fitted = [
         Fitted(x, x.outward(float(p)), d, not 1e-6 < p < 1.0 - 1e-6)
         for x, p, d in zip(used, point, deviations, strict=True)
     ]
     return Calibrated(
-        tuple(fitted), unseen, combinations, gain, offsets, readings, before, held_out_rms_um(seen, readings),
+        tuple(fitted), unseen, combinations, gains[0], offsets, readings, before, held_out_rms_um(seen, readings),
         held_out_rms_um(seen, before), noise, task.runs,
     )  # fmt: skip
 
@@ -269,7 +283,7 @@ def _deviations(task: _Task, used: Sequence[Suspect], point: Array, after: list[
     if not used:
         return []
     simulated, left = task.flat(after), task.residual(after)
-    gain, _ = task.reading(simulated)
+    gains = np.array(task.reading(simulated)[0])[task.sensor]
     columns: list[Array] = []
     slopes: list[float] = []
     for k, suspect in enumerate(used):
@@ -277,7 +291,7 @@ def _deviations(task: _Task, used: Sequence[Suspect], point: Array, after: list[
         moved = point.copy()
         moved[k] += step
         other = task.flat(task.readings(used, moved.tolist()))
-        columns.append(task.without_reading(gain * (other - simulated) / step, simulated))
+        columns.append(task.without_reading(gains * (other - simulated) / step, simulated))
         slopes.append((suspect.outward(float(moved[k])) - suspect.outward(float(point[k]))) / step)
     jacobian = np.column_stack(columns)
     free = max(left.size - jacobian.shape[1] - 1, 1)

@@ -10,10 +10,8 @@ alone do equally well, both are said.
 """
 
 import math
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,21 +20,19 @@ from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
+from bender_discrepancy.foreign.answers import Answers, short_step_s
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
-from bender_discrepancy.foreign.container_stages import Original, inner_step_s, stages_around
-from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
+from bender_discrepancy.foreign.container_stages import Original, Stages, stages_around
+from bender_discrepancy.foreign.corrected_fmu import why_none
 from bender_discrepancy.foreign.suspects import Suspect
 from bender_discrepancy.records.observations import Observations, observe
 from bender_discrepancy.records.stand_in import Suspected
 from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_loop.fmu.process.watched import WatchedPlant
-from bender_loop.records.raster import drive_raster, raster_step_s
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
-from bender_native.build import Way
-from bender_native.compilers import own_platform
-from bender_native.container import Corrected, container_fmu
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 ALIKE = 0.3
@@ -142,7 +138,11 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
     for way, inside in tried:
         contest.tell("fitting the suspected parameters beside the effects")
         again = _beside(contest, way, off, inside=inside)
-        if again is not None and any(x.is_off for x in again.parameters) and not _is_among(again, ways):
+        if (
+            again is not None
+            and any(x.is_off for x in again.parameters)
+            and not is_among(again, [x.moved for x in ways if x.moved])
+        ):
             ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
     return ways
 
@@ -161,7 +161,7 @@ def _in_place_of_effects(contest: Contest, given: Account, alone: Calibrated, se
         off = [] if again is None else [x.suspect for x in again.parameters if x.is_off]
         if off and again is not None and len(off) < len(again.parameters):
             again = _beside(contest, _lacking(given, effect), off, inside=True)
-        if not off or again is None or _is_among(again, ways):
+        if not off or again is None or is_among(again, [x.moved for x in ways if x.moved]):
             continue
         way = Account(contest.at(again.values()), replace(again, unseen=alone.unseen))
         if len(way.effects) < len(given.effects):
@@ -169,12 +169,11 @@ def _in_place_of_effects(contest: Contest, given: Account, alone: Calibrated, se
     return ways
 
 
-def _is_among(fitted: Calibrated, ways: Sequence[Account]) -> bool:
-    """Return whether a way has these parameters already, to within a part of what the records leave open."""
-    for moved in (x.moved for x in ways if x.moved is not None):
-        known = moved.values()
-        if known.keys() == fitted.values().keys() and all(
-            abs(x.value - known[x.suspect.name]) < ALIKE * x.std for x in fitted.parameters
+def is_among(fitted: Calibrated, known: Sequence[Calibrated]) -> bool:
+    """Return whether these parameters were found already, to within a part of what the records leave open."""
+    for values in (x.values() for x in known):
+        if values.keys() == fitted.values().keys() and all(
+            abs(x.value - values[x.suspect.name]) < ALIKE * x.std for x in fitted.parameters
         ):
             return True
     return False
@@ -196,44 +195,19 @@ def _beside(contest: Contest, way: Account, off: Sequence[Suspect], *, inside: b
         off: parameters that are fitted.
         inside: with those effects that stand beside the FMU, too.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        file = _open_container(way, contest, off, Path(folder), inside=inside)
-        if file is None:
-            return None
-        path, step_s = file
-        ports, own = contest.plant, contest.records[0].quantities
-        with WatchedPlant(path, input_name=ports.input.name, output_name=ports.output.name, quantities=own) as plant:
-            return _fitted(contest, _around(contest, plant, step_s), off)
-
-
-def _open_container(
-    way: Account, contest: Contest, off: Sequence[Suspect], folder: Path, *, inside: bool
-) -> tuple[Path, float] | None:
-    """Write the FMU with the effects of a way around it, its suspected parameters open."""
-    search, target = way.diagnosis.findings.search, own_platform()
-    plant = contest.plant
-    plant.reset()
-    known = way.diagnosis.stand_in
+    search, known, plant = way.diagnosis.findings.search, way.diagnosis.stand_in, contest.plant
     assert known is not None
-    assert target is not None
-    original = Original(plant.path, plant.input, plant.output, dict(known.start_values), plant.read())
+    first, start = contest.records[0], dict(known.start_values)
+    plant.set_parameters(start)
+    plant.follow(first.time_s, first.further)
+    plant.reset()
+    original = Original(plant.path, plant.input, plant.output, start, plant.read(), first.quantities)
     stages = stages_around(search.base, way.diagnosis.model, original.rest_um)
     if stages.before is None and stages.behind is None:
         return None
     # the stand-in's own numbers gave way to what the parameters are now fitted to
     changed = stages.inside if inside and search.best.hypothesis.own is None else None
-    rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
-    step_s = raster_step_s(
-        search.whole[0].time_s, inner_step_s(original, search.base, float(np.median(rows)), rows.size)
-    )
-    fixed = {name: value for name, value in original.start_values.items() if name not in {x.name for x in off}}
-    corrected = Corrected(
-        original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s, fixed,
-        tuple(x.name for x in off), inside=changed,
-    )  # fmt: skip
-    path = folder / "open.fmu"
-    path.write_bytes(container_fmu(corrected, Way(2, (target,)), IDENTIFIER))
-    return path, step_s
+    return _fitted(contest, _around(contest, original, replace(stages, inside=changed), search.base), off)
 
 
 def _direct(contest: Contest) -> Callable[[dict[str, float]], list[Array]]:
@@ -249,17 +223,18 @@ def _direct(contest: Contest) -> Callable[[dict[str, float]], list[Array]]:
     return run
 
 
-def _around(contest: Contest, plant: WatchedPlant, step_s: float) -> Callable[[dict[str, float]], list[Array]]:
-    drives = [observe(x, contest.how.linear, contest.how.untimed, contest.how.smooth).drive for x in contest.records]
+def _around(
+    contest: Contest, original: Original, stages: Stages, stand_in: Model
+) -> Callable[[dict[str, float]], list[Array]]:
+    seen = [observe(x, contest.how.linear, contest.how.untimed, contest.how.smooth) for x in contest.records]
+    answers = Answers(contest.plant, [original])
+    step_s = short_step_s(seen, [stages], [stand_in])
+    name = original.output.name
 
     def run(values: dict[str, float]) -> list[Array]:
-        plant.set_parameters({f"plant.{name}": value for name, value in values.items()})
-        found = []
-        for x, record in zip(drives, contest.records, strict=True):
-            plant.follow(record.time_s, record.further)
-            path = x.path(x.voltage_V)
-            found.append(drive_raster(plant, x.row_time_s, *path, x.linear, step_s, x.exposure_s))
-        return found
+        answers.set_parameters(values)
+        rows = zip(seen, contest.records, strict=True)
+        return [answers.readings(name, original.rest_um, stages, x, record, step_s) for x, record in rows]
 
     return run
 
@@ -281,7 +256,7 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
     rows = independent_rows(search.problem, search.best)
     costs = [x.cost(rows) + x.picked(by.tried) for x in ways]
     close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + very_strong(by.confidence)]
-    best = min(close, key=lambda x: (not x.stands, not _is_complete(x), x.numbers))
+    best = min(close, key=lambda x: (not x.stands, not is_complete(x), x.numbers))
     rival = next((x for x in close if _rivals(best, x)), None)
     suspected = Suspected(
         tuple((x.suspect.name, x.suspect.given, x.value, x.std, x.suspect.unit) for x in _moved(best)),
@@ -289,16 +264,17 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
         alone.combinations,
         None if rival is None else _said(rival),
     )
-    return _told(best, given, suspected)
+    return told(best, given, suspected)
 
 
-def _is_complete(way: Account) -> bool:
+def is_complete(way: Account) -> bool:
+    """Return whether a way leaves nothing above the noise unexplained."""
     return way.diagnosis.verdict in ("no_gap", "recalibrated") or way.diagnosis.is_complete
 
 
 def _rivals(best: Account, other: Account) -> bool:
     """Return whether one has parameters and no effects, the other effects and no parameters, and both explain all."""
-    if other is best or not (_is_complete(best) and _is_complete(other) and best.stands and other.stands):
+    if other is best or not (is_complete(best) and is_complete(other) and best.stands and other.stands):
         return False
     kinds = {(bool(x.effects), x.moved is not None) for x in (best, other)}
     return kinds == {(True, False), (False, True)}
@@ -313,7 +289,7 @@ def _said(way: Account) -> str:
     return " and ".join([*moved, *sorted(way.effects)])
 
 
-def _told(best: Account, given: Account, suspected: Suspected) -> Diagnosis:
+def told(best: Account, given: Account, suspected: Suspected) -> Diagnosis:
     """Return the diagnosis of a way with the parameters that were moved among what was recalibrated."""
     found = best.diagnosis
     assert found.stand_in is not None

@@ -188,10 +188,14 @@ def inner_step_s(original: Original, stand_in: Model, row_s: float, rows: int, *
         rows: of all records.
         once: it is driven with the records once only, and so may take long.
     """
-    first_s, longest_s = sub_step_bounds_s(stand_in)
-    quickest_s = min(longest_s, 4.0 * first_s)
     parts = min(PARTS if once else original.parts, max(FEWEST_PARTS, MOST_INNER_STEPS / max(rows, 1)))
-    return max(row_s / MOST_PARTS, min(row_s / parts, quickest_s))
+    return max(row_s / MOST_PARTS, min(row_s / parts, quickest_s(stand_in)))
+
+
+def quickest_s(stand_in: Model) -> float:
+    """Return a step that is short beside the ringing and the lags of a stand-in."""
+    first_s, longest_s = sub_step_bounds_s(stand_in)
+    return min(longest_s, 4.0 * first_s)
 
 
 def scaled(behind: Model | None, gain: float, offset_um: float, rest_um: float) -> Model:

@@ -239,7 +239,11 @@ def _given(settings: Any) -> dict[str, Any]:
 
 
 def rank_explanations(
-    outputs: Sequence[Output], left: Mapping[tuple[str, int, int], Left], own: Mapping[str, Left], confidence: float
+    outputs: Sequence[Output],
+    left: Mapping[tuple[str, int, int], Left],
+    own: Mapping[str, Left],
+    confidence: float,
+    competing: Sequence[tuple[Correction, tuple[str, ...]]] | None = None,
 ) -> RankedExplanations:
     """Return all ways, the cheapest first.
 
@@ -248,10 +252,11 @@ def rank_explanations(
         left: what an output leaves, by its name and the places of the correction before and behind.
         own: what each output leaves with all that it has by itself.
         confidence: that no chance decides.
+        competing: the corrections of the input in the order of their places; None for all.
     """
     rows = sum(x.rows for x in outputs)
     found = []
-    for place, (shared, source) in enumerate(corrections(outputs)):
+    for place, (shared, source) in enumerate(corrections(outputs) if competing is None else competing):
         behind, kept, cost, apart = {}, {}, price(shared.count, rows), set()
         for x in outputs:
             options = [(left[x.name, place, k], b) for k, b in enumerate(x.behind) if (x.name, place, k) in left]

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.fit_problem import Calibration, calibrated
-from bender_discrepancy.foreign.container_stages import Original, acts_inside, inner_step_s, scaled
+from bender_discrepancy.foreign.answers import STEPS_PER_ROW, Answers, opened
+from bender_discrepancy.foreign.container_stages import (
+    Original,
+    Stages,
+    acts_inside,
+    inner_step_s,
+    quickest_s,
+    scaled,
+)
 from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.foreign.joint_explanations import (
@@ -25,6 +33,8 @@ from bender_discrepancy.foreign.joint_explanations import (
     output_of,
     rank_explanations,
 )
+from bender_discrepancy.foreign.shared_parameters import Bench, diagnose_beside
+from bender_discrepancy.foreign.suspects import suspects_of
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
@@ -38,6 +48,10 @@ from bender_native.compilers import own_platform
 from bender_native.container import Behind, Corrected, container_fmu, corrected_system, parameters_of
 
 Array = NDArray[np.float64]
+MOST_STEPS = 400_000
+"""Of the FMU while outputs are weighed together: some ten seconds of one that runs in Python."""
+FEWEST_STEPS_PER_ROW = 4
+FEWEST_DRIVEN = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +93,12 @@ class Together:
         return {name: effects for name, effects in found.items() if effects}
 
     @property
+    def parameters(self) -> tuple[tuple[str, float, float, float, str], ...]:
+        """Suspected parameters that were off: name, value as given, value found, standard deviation, unit."""
+        known = next(iter(self.by_itself.values())).stand_in
+        return known.suspected.moved if known is not None and known.suspected is not None else ()
+
+    @property
     def complete(self) -> bool:
         """Whether nothing above the noise stays unexplained on any output."""
         return all(x.is_complete for x in self.by_itself.values())
@@ -91,6 +111,7 @@ class Together:
         words = [x.verdict for x in self.by_itself.values()]
         if self.best.effects or any(self.own.values()) or self.inside:
             return "named"
+        words += ["recalibrated"] if self.parameters else []
         return next((x for x in ("unexplained", "recalibrated") if x in words), "no_gap")
 
 
@@ -103,6 +124,7 @@ def diagnose_outputs(
     names: Sequence[str] = (),
     parameters: Mapping[str, float] | None = None,
     keep: Callable[[str, Diagnosis], None] = lambda _name, _diagnosis: None,
+    suspects: Sequence[str] = (),
 ) -> Together:
     """Return what the records of one bench say about several outputs of an FMU.
 
@@ -115,6 +137,7 @@ def diagnose_outputs(
         names: of the records or their files.
         parameters: of the FMU, by name, in its own units.
         keep: is given the diagnosis of each output when it is ready.
+        suspects: parameters of the FMU that may be off, as `--suspect` has them: one value for all outputs.
 
     Raises:
         InputError, RunError, Interrupted: as `diagnose_fmu` raises them.
@@ -127,18 +150,33 @@ def diagnose_outputs(
     reason = why_none()
     if reason is not None:
         raise RunError(f"{fmu}: several outputs are weighed through corrected FMUs; {reason}")
+    suspected = suspects_of(Path(fmu), suspects, given)
     originals = {x: _original(Path(fmu), input_name, x, own, given) for x, own in records.items()}
+
+    def alone(name: str, values: Mapping[str, float]) -> Diagnosis:
+        def say(text: str) -> None:
+            tell(f"{name}{_at(values)}: {text}")
+
+        return diagnose_fmu(fmu, input_name, name, records[name], how, say, names, given | dict(values))
+
     found: dict[str, Diagnosis] = {}
-    for name, own in records.items():
-        found[name] = diagnose_fmu(
-            fmu, input_name, name, own, how, lambda text, name=name: tell(f"{name}: {text}"), names, given
-        )
+    moved: dict[str, float] = {}
+    if suspected:
+        bench = Bench(originals, records, how, suspected, lambda values: {x: alone(x, values) for x in records}, tell)
+        found, moved = diagnose_beside(bench)
+        originals = {x: _original(Path(fmu), input_name, x, own, given | moved) for x, own in records.items()}
+    for name in records:
+        found[name] = found[name] if name in found else alone(name, {})
         keep(name, found[name])
     outputs = [output_of(diagnosis, originals[name]) for name, diagnosis in found.items()]
-    tell("weighing the outputs together")
     chosen = _weighed(outputs, how, tell)
     tell("driving the corrected FMU of all outputs")
     return _together(found, outputs, chosen)
+
+
+def _at(values: Mapping[str, float]) -> str:
+    told = ", ".join(f"{name} at {value:.4g}" for name, value in values.items())
+    return f" with {told}" if told else ""
 
 
 def _original(
@@ -153,15 +191,51 @@ def _original(
 
 
 def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> RankedExplanations:
+    """Return the ways to explain all outputs, each read once: the FMU is driven once for every correction before it."""
+    competing = affordable(corrections(outputs), outputs)
+    rows = _rows(outputs)
     left: dict[tuple[str, int, int], Left] = {}
-    competing = corrections(outputs)
-    for place, (shared, source) in enumerate(competing):
-        tell(f"reading every output with {' and '.join(shared.effects) or 'nothing'} before the FMU ({_of(source)})")
-        for x in outputs:
-            for k, behind in enumerate(x.behind):
-                left[x.name, place, k] = _left(x, _driven(x, shared, behind))
-    own = {x.name: _left(x, _driven(x, x.before[0], x.behind[0])) for x in outputs}
-    return rank_explanations(outputs, left, own, how.confidence)
+    originals = [x.original for x in outputs]
+    with opened(originals) as plant:
+        answers = Answers(plant, originals)
+        step_s = _weighing_step_s(outputs, len(competing) + len(outputs))
+        steps = round(sum(float(np.ptp(x.time_s)) for x in rows) / step_s)
+        tell(f"weighing the outputs together: {len(competing)} corrections of the input, {steps} steps of the FMU each")
+        for place, (shared, source) in enumerate(competing):
+            named = " and ".join(title_of(y) for y in shared.effects) or "nothing"
+            tell(f"weighing {place + 1} of {len(competing)}: {named} before the FMU ({_of(source)}), every output read")
+            for x in outputs:
+                for k, behind in enumerate(x.behind):
+                    left[x.name, place, k] = _left(x, _around(answers, x, shared, behind, step_s))
+        own = {x.name: _left(x, _around(answers, x, x.before[0], x.behind[0], step_s)) for x in outputs}
+    return rank_explanations(outputs, left, own, how.confidence, competing)
+
+
+def affordable(
+    competing: Sequence[tuple[Correction, tuple[str, ...]]], outputs: Sequence[Output]
+) -> list[tuple[Correction, tuple[str, ...]]]:
+    """Return the corrections that can be driven within the budget: what an output prefers goes first."""
+    rows = sum(x.time_s.size for x in _rows(outputs))
+    most = max(FEWEST_DRIVEN, MOST_STEPS // (rows * FEWEST_STEPS_PER_ROW))
+    if len(competing) <= most:
+        return list(competing)
+    first = {id(x.before[0]) for x in outputs}
+    order = sorted(competing, key=lambda x: not (x[0] is NOTHING or len(x[1]) > 1 or id(x[0]) in first))
+    return order[:most]
+
+
+def _rows(outputs: Sequence[Output]) -> Sequence[Observations]:
+    return outputs[0].diagnosis.findings.search.whole
+
+
+def _weighing_step_s(outputs: Sequence[Output], runs: int) -> float:
+    """Return a step that the budget allows in every run, and that is no shorter than the corrections need."""
+    seen = _rows(outputs)
+    rows = sum(x.time_s.size for x in seen)
+    row_s = float(np.median(np.concatenate([np.diff(x.time_s) for x in seen])))
+    needed_s = min(row_s / STEPS_PER_ROW, *(quickest_s(x.diagnosis.findings.search.base) for x in outputs))
+    parts = min(row_s / needed_s, max(MOST_STEPS / (rows * runs), FEWEST_STEPS_PER_ROW))
+    return raster_step_s(seen[0].time_s, row_s / parts)
 
 
 def _of(source: Sequence[str]) -> str:
@@ -193,14 +267,18 @@ def _rms(whole: Sequence[Observations], readings: Sequence[Array], line: Calibra
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
-def _driven(output: Output, before: Correction, behind: Correction) -> list[Array]:
+def _around(answers: Answers, output: Output, before: Correction, behind: Correction, step_s: float) -> list[Array]:
     """Return the readings (n,) of every record with corrections around the FMU.
 
     What the stand-in differs by is taken from them, as it was from the records.
     """
-    step_s = _step_s([output])
-    content = _container([output], before, {output.name: behind}, step_s)
-    return _read(output, content, step_s)
+    search, known, original = output.diagnosis.findings.search, output.diagnosis.stand_in, output.original
+    assert known is not None
+    stages = Stages(before.stages, behind.stages)
+    return [
+        answers.readings(original.output.name, original.rest_um, stages, x, record, step_s) - d
+        for x, d, record in zip(search.whole, known.differences_um, search.records, strict=True)
+    ]
 
 
 def _read(output: Output, content: bytes, step_s: float) -> list[Array]:

@@ -80,11 +80,8 @@ def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[
     from bender_discrepancy.foreign.outputs_report import folders_of
     from bender_loop.errors import InputError
 
-    if arguments.suspect or arguments.resume is not None:
-        raise InputError(
-            "--suspect, --resume: found with several outputs, expected one --output; fit parameters to one output at a "
-            "time, or first by `bender calibrate-model`"
-        )
+    if arguments.resume is not None:
+        raise InputError("--resume: found with several outputs, expected one --output")
     if arguments.fmu is None:
         raise InputError(f"--output: found {len(columns)} without --fmu, expected an FMU that has them")
     folders = folders_of(list(columns))
@@ -114,7 +111,7 @@ def _found(
 
         try:
             return diagnose_outputs(
-                arguments.fmu, arguments.input, records, settings, tell, names, parameters, kept
+                arguments.fmu, arguments.input, records, settings, tell, names, parameters, kept, arguments.suspect
             ), None  # fmt: skip
         except KeyboardInterrupt:
             if not kept.done:

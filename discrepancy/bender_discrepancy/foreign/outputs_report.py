@@ -42,6 +42,16 @@ def sentence(found: Together) -> str:
         parts.append(f"{titles(found.best.effects)} on the input, which all outputs share")
     parts += [f"{titles(own)} on {name} alone" for name, own in found.own.items() if own]
     parts += [f"{titles(inside)} inside the FMU, as {name} shows" for name, inside in found.inside.items()]
+    moved = [f"{name} is {figure(x, 4)} in place of {figure(was, 4)}" for name, was, x, *_ in found.parameters]
+    moved += [
+        f"the sensor of {name} reads {figure(x.after, 4)} times as much"
+        for name, alone in found.by_itself.items()
+        for x in alone.findings.recalibrated
+        if x.name == "gain"
+    ]
+    if moved and found.verdict in ("named", "recalibrated"):
+        missing = f"; missing from the model: {'; '.join(parts)}" if parts else ", and nothing else is missing"
+        return f"Off: {'; '.join(moved)}{missing}."
     if parts:
         return f"Missing from the model: {'; '.join(parts)}."
     if found.verdict == "unexplained":
@@ -62,6 +72,10 @@ def content(found: Together, folders: Mapping[str, str]) -> dict[str, Any]:
         "verdict": found.verdict,
         "sentence": sentence(found),
         "complete": found.complete,
+        "parameters": {
+            name: {"before": was, "after": now, "std": std, "unit": unit}
+            for name, was, now, std, unit in found.parameters
+        },
         "input": {
             "effects": list(best.shared.effects),
             "parameters": {} if stages is None else _numbers(stages.values(), best.shared.effects),
@@ -129,6 +143,9 @@ def _way(way: JointExplanation, best: JointExplanation) -> dict[str, Any]:
 def summary(found: Together) -> list[str]:
     """Return the lines for a terminal."""
     lines = [f"{found.verdict}: {sentence(found)}"]
+    for name, was, now, std, unit in found.parameters:
+        of = "" if unit == "1" else f" {unit_text(unit)}"
+        lines.append(f"{name} of the FMU, by all outputs: {figure(was, 4)} to {figure(now, 4)} ± {figure(std, 2)}{of}")
     for name, alone in found.by_itself.items():
         unit = alone.quantities.reading
         left = [quantity(x, unit) for x in (alone.gap.recalibrated.rms_um, alone.gap.after.rms_um)]

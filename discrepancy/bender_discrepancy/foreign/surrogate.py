@@ -19,10 +19,10 @@ from bender_compiled.simulation import Simulator
 from bender_discrepancy.foreign.relaxation_model import fit_relaxation
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
-from bender_identify.first_model.choice import first_model
-from bender_identify.first_model.fit import FirstFit
+from bender_identify.first_model.choice import first_model, select, structures_scored
+from bender_identify.first_model.fit import FirstFit, FitTask, fitted
 from bender_identify.first_model.structures import Structure
-from bender_identify.records.experiment import experiment_of
+from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.plant import Plant as RunningPlant
 from bender_loop.errors import InputError, RunError
@@ -95,7 +95,9 @@ def fit_surrogate(
     model = None if departure < LINEAR_WITHIN else _bent(fmu, names[0], (probe, answer), records, hold)
     structure, differences = RELAXATION, [] if model is None else off(model)
     if model is None or _rms(np.concatenate(differences)) > FOLLOWS_WITHIN * spread_um:
-        linear, name = _followed_between(fmu, names[0], [(probe, answer)], records, hold, undeclared)
+        linear, name = _followed_between(
+            fmu, names[0], [(probe, answer)], records, hold, undeclared, bends=departure >= LINEAR_WITHIN
+        )
         others = off(linear)
         if model is None or _rms(np.concatenate(others)) <= _rms(np.concatenate(differences)):
             model, structure, differences = linear, name, others
@@ -140,13 +142,15 @@ def _followed_between(
     records: Sequence[Record],
     hold: InputHold,
     undeclared: bool,
+    *,
+    bends: bool,
 ) -> tuple[Model, str]:
     """Return a linear model fitted to runs of the FMU at the rate of the records, and to finer ones where that helps.
 
     An effect moves what acts to instants between the rows, so the stand-in has to follow the FMU there as well, if the
     FMU takes steps as short as that.
     """
-    model, structure = _fitted(name, runs, hold, undeclared)
+    model, structure = _fitted(name, runs, hold, undeclared, bends=bends)
     for finer in FINER:
         between = _probe(records, finer)
         try:
@@ -157,7 +161,7 @@ def _followed_between(
         if off <= max(BETWEEN_WITHIN, WORSE_BETWEEN * _off(model, *runs[0], hold)):
             break
         try:
-            again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared)
+            again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared, bends=bends)
         except InputError:  # nothing linear follows it at both rates
             break
         worse = any(_off(again, *x, hold) > _off(model, *x, hold) + GRAIN for x in runs)
@@ -209,8 +213,18 @@ def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) ->
     return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
 
 
+def _linear_fit(experiments: Sequence[Experiment]) -> FirstFit:
+    """Return the linear structure that follows an FMU that is linear: no nonlinear part is tried beside it.
+
+    Whole runs are simulated: an excerpt begins at rest, where a plant that is slow beside it is not.
+    """
+    chosen = select(structures_scored(FitTask.of(experiments, rough=True))).fit
+    task = FitTask.of(experiments)
+    return fitted(task, chosen.structure, chosen.values, [x.fitted | x.held_out for x in experiments]) or chosen
+
+
 def _fitted(
-    name: str, runs: Sequence[tuple[Record, Array]], hold: InputHold, undeclared: bool = False
+    name: str, runs: Sequence[tuple[Record, Array]], hold: InputHold, undeclared: bool = False, *, bends: bool = True
 ) -> tuple[Model, str]:
     rng = np.random.default_rng(1)
     quantities = runs[0][0].quantities
@@ -218,7 +232,7 @@ def _fitted(
         read = [y + GRAIN * float(np.std(y)) * rng.standard_normal(y.size) for _, y in runs]
         records = [replace(probe, displacement_um=y) for (probe, _), y in zip(runs, read, strict=True)]
         experiments = [experiment_of(x, name, Settings(), hold) for x in records]
-        fit = first_model(experiments).chosen
+        fit = first_model(experiments).chosen if bends else _linear_fit(experiments)
         structure, values = _of_real_delays(fit, runs)
         model = structure.model(values, fit.gain, fit.offsets[0], Path(name).stem)
     except (ModelError, ArithmeticError) as problem:

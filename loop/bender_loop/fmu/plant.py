@@ -1,7 +1,7 @@
 """Any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -135,6 +135,16 @@ class FmuPlant(ClosedAtExit):
     def read(self) -> float:
         """The displacement in um now, without a step."""
         return self._read() * self._to_um
+
+    def reader(self, output_name: str, quantities: Quantities = USUAL) -> Callable[[], float]:
+        """Return a function that reads another output in the unit of its quantities, as `read` reads this one.
+
+        Raises:
+            InputError: there is no such output, or its unit is of another quantity.
+        """
+        port = find_output(self.path, self._description, output_name, quantities)
+        _, read = step_calls(self._instance, self.input.reference, port.reference, rollback=self._restores)
+        return lambda: read() * port.internal
 
     def step(self, voltage_V: float, step_s: float) -> float:
         """Advance by `step_s` under the held `voltage_V`; returns displacement_um at the end of the step.
