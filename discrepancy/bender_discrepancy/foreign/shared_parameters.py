@@ -77,10 +77,10 @@ def diagnose_beside(bench: Bench) -> tuple[Found, dict[str, float]]:
         InputError, RunError: as a diagnosis raises them.
     """
     given = _Way(bench.at({}), None)
-    alone = _fitted(bench, {}, {}, bench.suspects)
+    alone = fitted_to_all(bench, {}, {}, bench.suspects)
     ways, off = [given], [x.suspect for x in alone.parameters if x.is_off]
     if off and len(off) < len(alone.parameters):
-        alone = replace(_fitted(bench, {}, {}, off), unseen=alone.unseen)
+        alone = replace(fitted_to_all(bench, {}, {}, off), unseen=alone.unseen)
     now: Calibrated | None = alone if off else None
     while now is not None and len(ways) <= TURNS:
         ways.append(_Way(bench.at(now.values()), now))
@@ -106,7 +106,7 @@ def _beside(bench: Bench, found: Found, off: Sequence[Suspect]) -> Calibrated | 
     if all(x.are_none for x in stages.values()):
         return None
     bench.tell("fitting the suspected parameters beside what was found on the outputs")
-    return _fitted(bench, stages, {name: x.findings.search.base for name, x in found.items()}, off)
+    return fitted_to_all(bench, stages, {name: x.findings.search.base for name, x in found.items()}, off)
 
 
 def _stages(found: Diagnosis, original: Original) -> Stages:
@@ -115,7 +115,7 @@ def _stages(found: Diagnosis, original: Original) -> Stages:
     return replace(stages_around(search.base, found.model, original.rest_um), inside=None, changed=())
 
 
-def _fitted(
+def fitted_to_all(
     bench: Bench, stages: Mapping[str, Stages], stand_ins: Mapping[str, Model], suspects: Sequence[Suspect]
 ) -> Calibrated:
     """Return the parameters fitted to all outputs at once, each in units of what it leaves.

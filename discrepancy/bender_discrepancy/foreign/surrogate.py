@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.foreign.relaxation_model import fit_relaxation
+from bender_discrepancy.foreign.slow_copy import with_slow_copy
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_identify.first_model.choice import first_model, select, structures_scored
@@ -151,6 +152,10 @@ def _followed_between(
     FMU takes steps as short as that.
     """
     model, structure = _fitted(name, runs, hold, undeclared, bends=bends)
+    if not bends and (off := _off(model, *runs[0], hold)) > BETWEEN_WITHIN:
+        richer = with_slow_copy(model, runs, hold)
+        if richer is not None and _off(richer, *runs[0], hold) < 0.5 * off:
+            model, structure = richer, f"{structure}+slow copy"
     for finer in FINER:
         between = _probe(records, finer)
         try:
