@@ -111,6 +111,7 @@ def diagnose_outputs(
     input_name: str | None = None,
     further: Mapping[str, str] | None = None,
     parameters: Mapping[str, float] | None = None,
+    suspects: Sequence[str] = (),
     input_hold: str = "auto",
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
@@ -128,6 +129,7 @@ def diagnose_outputs(
         input_name: the variable that takes the command, where the FMU has several inputs.
         further: inputs beside the command, and the columns that they follow.
         parameters: of the FMU, by name, in its own units.
+        suspects: parameters of the FMU that may be off, as "NAME" or "NAME=LOW:HIGH": one value for all outputs.
         input_hold: "hold", "linear" or "smooth": the command between two rows; "auto" as in `diagnose`.
         columns: other names of time and command, as "time=t,voltage=P".
         units: of these columns.
@@ -152,4 +154,14 @@ def diagnose_outputs(
     }
     sources = [x.source for x in next(iter(loaded.values()))]
     own = {name: [x.record for x in found] for name, found in loaded.items()}
-    return OutputsDiagnosis(diagnose_records(fmu, input_name, own, settings, progress, sources, parameters))
+    found = diagnose_records(
+        fmu,
+        input_name,
+        own,
+        settings,
+        progress,
+        sources,
+        parameters,
+        suspects=[suspects] if isinstance(suspects, str) else list(suspects),
+    )
+    return OutputsDiagnosis(found)

@@ -194,7 +194,7 @@ def test_what_cannot_be_diagnosed(
         (["--input", "u"], 2, "found without --fmu"),
         (["--fmu", "nosuch.fmu"], 2, "no such file"),
         (["--fmu", str(lag), "--input", "u"], 2, "there is drive.u"),
-        (["--fmu", "dead.fmu"], 2, "stays at 0 µm under the voltage of the records"),
+        (["--fmu", "dead.fmu"], 2, "stays at 0 µm under the command of the records"),
         (["--fmu", "crash.fmu"], 1, "crash.fmu"),
     ):
         assert main(["diagnose", "record.csv", *words, "--out", "o"]) == status, words

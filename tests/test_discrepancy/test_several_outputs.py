@@ -155,7 +155,7 @@ def test_a_further_input_is_at_its_first_value_at_the_start(arm: Path, tmp_path:
             (["--output", "tip", "--output", "tip"], "--output: found 'tip' twice, expected each variable once"),
             (["--output", "tip", "--output", "="], "--output: found '=', expected NAME or NAME=COLUMN"),
             (["--output", "tip", "--output", "torque"], "found no variable 'torque'"),
-            (["--output", "tip", "--output", "force", "--suspect", "load"], "expected one --output"),
+            (["--output", "tip", "--output", "force", "--suspect", "load"], "found 'load', expected a real parameter"),
             (["--output", "tip", "--further-input", "heat=load"], "found no variable 'heat'"),
             (["--output", "tip", "--further-input", "command"], "takes the command, expected another input"),
             (["--output", "tip", "--further-input", "load=weight"], "--further-input load=COLUMN"),

@@ -32,6 +32,7 @@ from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
+from bender_report.wording import unit_text
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -82,7 +83,8 @@ def fit_surrogate(
     own = [replay(fmu, x, input_hold=hold, untimed=untimed).simulated_um for x in records]
     spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
     if not spread_um > 0.0:
-        raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} µm under the voltage of the records")
+        unit = unit_text(records[0].quantities.reading)
+        raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} {unit} under the command of the records")
     tell("testing whether the FMU is linear")
     probe = _probe(records)
     answer, half, rest = (_answer(fmu, probe, factor, hold) for factor in (1.0, 0.5, 0.0))
