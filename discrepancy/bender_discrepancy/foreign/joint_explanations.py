@@ -20,7 +20,7 @@ import numpy as np
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import price, very_strong
-from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.foreign.container_stages import Original, stages_around
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
@@ -38,11 +38,13 @@ class Correction:
         effects: their ids.
         stages: as a chain; None for nothing.
         count: of its free numbers.
+        parts: the effects as they were found, where their numbers may be fitted again.
     """
 
     effects: tuple[str, ...] = ()
     stages: Model | None = None
     count: int = 0
+    parts: tuple[Part, ...] = ()
 
 
 NOTHING = Correction()
@@ -180,7 +182,7 @@ def _side(stages: Model | None, hypothesis: Hypothesis) -> Correction:
         return NOTHING
     present = {x.id for x in stages.blocks}
     parts = [x for x in hypothesis.parts if x.form.effect in present]
-    return Correction(tuple(x.form.effect for x in parts), stages, sum(len(x.values) for x in parts))
+    return Correction(tuple(x.form.effect for x in parts), stages, sum(len(x.values) for x in parts), tuple(parts))
 
 
 def _once(found: Sequence[Correction]) -> tuple[Correction, ...]:
@@ -244,6 +246,7 @@ def rank_explanations(
     own: Mapping[str, Left],
     confidence: float,
     competing: Sequence[tuple[Correction, tuple[str, ...]]] | None = None,
+    fitted: Mapping[tuple[str, int, int], Correction] | None = None,
 ) -> RankedExplanations:
     """Return all ways, the cheapest first.
 
@@ -253,13 +256,15 @@ def rank_explanations(
         own: what each output leaves with all that it has by itself.
         confidence: that no chance decides.
         competing: the corrections of the input in the order of their places; None for all.
+        fitted: corrections behind with other numbers, by the keys of `left`.
     """
     rows = sum(x.rows for x in outputs)
-    found = []
+    found, again = [], fitted or {}
     for place, (shared, source) in enumerate(corrections(outputs) if competing is None else competing):
         behind, kept, cost, apart = {}, {}, price(shared.count, rows), set()
         for x in outputs:
-            options = [(left[x.name, place, k], b) for k, b in enumerate(x.behind) if (x.name, place, k) in left]
+            keys = [(k, b) for k, b in enumerate(x.behind) if (x.name, place, k) in left]
+            options = [(left[x.name, place, k], again.get((x.name, place, k), b)) for k, b in keys]
             more = _own_beside(shared, x, [y for y in outputs if y.name in source], confidence)
             options += [(own[x.name], more)] if more is not None else []
             least, chosen = min(options, key=lambda o: o[0].cost + price(o[1].count, x.rows))

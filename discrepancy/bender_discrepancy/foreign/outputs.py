@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ from numpy.typing import NDArray
 
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.fitting.criterion import price, very_strong
 from bender_discrepancy.fitting.fit_problem import Calibration, calibrated
-from bender_discrepancy.foreign.answers import STEPS_PER_ROW, Answers, opened
+from bender_discrepancy.foreign.answers import AS_IT_IS, STEPS_PER_ROW, Answers, opened
 from bender_discrepancy.foreign.container_stages import (
     Original,
     Stages,
@@ -19,6 +21,7 @@ from bender_discrepancy.foreign.container_stages import (
     inner_step_s,
     quickest_s,
     scaled,
+    stages_around,
 )
 from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
@@ -46,12 +49,15 @@ from bender_loop.records.record import Record
 from bender_native.build import Way as Made
 from bender_native.compilers import own_platform
 from bender_native.container import Behind, Corrected, container_fmu, corrected_system, parameters_of
+from bender_plant.parameter import ModelError
 
 Array = NDArray[np.float64]
 MOST_STEPS = 400_000
 """Of the FMU while outputs are weighed together: some ten seconds of one that runs in Python."""
 FEWEST_STEPS_PER_ROW = 4
 FEWEST_DRIVEN = 3
+MOST_EVALUATIONS = 15
+FAR_OFF = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +70,7 @@ class Together:
         files: the corrected FMU of all outputs, its system and its parameters, by file name; none where there is none.
         after: what the corrected FMU leaves of each output on held-out readings; none without it.
         why_no_fmu: why there is no corrected FMU of all outputs; None where there is.
+        needing_inside: outputs that nothing around the FMU explains; None for all that found something inside.
     """
 
     by_itself: Mapping[str, Diagnosis]
@@ -71,6 +78,7 @@ class Together:
     files: Mapping[str, bytes]
     after: Mapping[str, float]
     why_no_fmu: str | None = None
+    needing_inside: frozenset[str] | None = None
 
     @property
     def best(self) -> JointExplanation:
@@ -88,7 +96,9 @@ class Together:
     def inside(self) -> dict[str, tuple[str, ...]]:
         """What acts inside the FMU by the readings of an output, by its name: neither shared nor of that output."""
         found = {
-            name: tuple(x.id for x in one.added if acts_inside(x.id, one.model)) for name, one in self.by_itself.items()
+            name: tuple(x.id for x in one.added if acts_inside(x.id, one.model))
+            for name, one in self.by_itself.items()
+            if self.needing_inside is None or name in self.needing_inside
         }
         return {name: effects for name, effects in found.items() if effects}
 
@@ -169,9 +179,9 @@ def diagnose_outputs(
         found[name] = found[name] if name in found else alone(name, {})
         keep(name, found[name])
     outputs = [output_of(diagnosis, originals[name]) for name, diagnosis in found.items()]
-    chosen = _weighed(outputs, how, tell)
+    chosen, needing = _weighed(outputs, how, tell)
     tell("driving the corrected FMU of all outputs")
-    return _together(found, outputs, chosen)
+    return replace(_together(found, outputs, chosen, needing), needing_inside=needing)
 
 
 def _at(values: Mapping[str, float]) -> str:
@@ -190,11 +200,15 @@ def _original(
         return Original(fmu, plant.input, plant.output, dict(parameters), plant.read(), own)
 
 
-def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> RankedExplanations:
-    """Return the ways to explain all outputs, each read once: the FMU is driven once for every correction before it."""
+def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> tuple[RankedExplanations, frozenset[str]]:
+    """Return the ways to explain all outputs, and the outputs that need what acts inside the FMU.
+
+    The FMU is driven once for every correction before it.
+    """
     competing = affordable(corrections(outputs), outputs)
     rows = _rows(outputs)
     left: dict[tuple[str, int, int], Left] = {}
+    fitted: dict[tuple[str, int, int], Correction] = {}
     originals = [x.original for x in outputs]
     with opened(originals) as plant:
         answers = Answers(plant, originals)
@@ -206,9 +220,74 @@ def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> Ranked
             tell(f"weighing {place + 1} of {len(competing)}: {named} before the FMU ({_of(source)}), every output read")
             for x in outputs:
                 for k, behind in enumerate(x.behind):
-                    left[x.name, place, k] = _left(x, _around(answers, x, shared, behind, step_s))
+                    read = partial(_around, answers, x, shared, step_s=step_s)
+                    key = x.name, place, k
+                    fitted[key], left[key] = _nearest(x, behind, read)
         own = {x.name: _left(x, _around(answers, x, x.before[0], x.behind[0], step_s)) for x in outputs}
-    return rank_explanations(outputs, left, own, how.confidence, competing)
+        needing = _needing_their_inside(outputs, left, fitted, answers, step_s, how.confidence)
+    return rank_explanations(outputs, left, own, how.confidence, competing, fitted), needing
+
+
+def _nearest(output: Output, behind: Correction, read: Callable[[Correction], list[Array]]) -> tuple[Correction, Left]:
+    """Return a correction behind the FMU with its numbers where they leave least of the FMU's own answer.
+
+    They were found by way of the stand-in, whose own numbers may have given way. The FMU is not driven for it.
+    """
+    from scipy.optimize import least_squares
+
+    best = behind, _left(output, read(behind))
+    parts = behind.parts
+    if not parts or any(x.form.records > 1 for x in parts):
+        return best
+    free = [x for part in parts for x in part.form.free]
+    start = np.array([f.inward(v) for f, v in zip(free, (v for part in parts for v in part.values), strict=True)])
+
+    def at(point: Array) -> Correction:
+        values = [f.outward(float(p)) for f, p in zip(free, point, strict=True)]
+        model, own = AS_IT_IS, []
+        for part in parts:
+            mine, values = tuple(values[: len(part.values)]), values[len(part.values) :]
+            model = part.form.apply(model, mine)
+            own.append(replace(part, values=mine))
+        return replace(behind, stages=model, parts=tuple(own))
+
+    def residual(point: Array) -> Array:
+        try:
+            return _innovations(output, read(at(point)))
+        except (RunError, ModelError):
+            return np.full(size, FAR_OFF)
+
+    try:
+        size = _innovations(output, read(behind)).size
+        point = least_squares(residual, start, x_scale="jac", max_nfev=MOST_EVALUATIONS, diff_step=1e-4).x
+        there = at(point)
+        left = _left(output, read(there))
+    except (RunError, ModelError, ValueError):
+        return best
+    return (there, left) if left.cost < best[1].cost else best
+
+
+def _needing_their_inside(
+    outputs: Sequence[Output],
+    left: Mapping[tuple[str, int, int], Left],
+    fitted: Mapping[tuple[str, int, int], Correction],
+    answers: Answers,
+    step_s: float,
+    confidence: float,
+) -> frozenset[str]:
+    """Return the outputs whose readings are met by something inside the FMU only, not by what stands around it."""
+    found = []
+    for x in outputs:
+        search = x.diagnosis.findings.search
+        stages = stages_around(search.base, x.diagnosis.findings.model, x.original.rest_um)
+        if stages.inside is None:
+            continue
+        inside = _left(x, _read_around(answers, x, stages, step_s)).cost
+        inside += price(search.best.hypothesis.free_count, x.rows)
+        around = [left[key].cost + price(fitted[key].count, x.rows) for key in left if key[0] == x.name]
+        if inside < min(around) - very_strong(confidence):
+            found.append(x.name)
+    return frozenset(found)
 
 
 def affordable(
@@ -242,16 +321,28 @@ def _of(source: Sequence[str]) -> str:
     return f"numbers of {', '.join(source)}" if source else "as given"
 
 
-def _left(output: Output, readings: list[Array]) -> Left:
-    """Return what an output leaves beside simulated readings (n,) of every record."""
+def _innovations(output: Output, readings: list[Array]) -> Array:
+    """Return what an output leaves beside simulated readings (n,) of every record, whitened, with its own gain."""
     search = output.diagnosis.findings.search
-    seen, by = search.problem.observations, search.grades.by
+    seen, line = search.problem.observations, _line(output, readings)
     simulated = [y[rows] for y, rows in zip(readings, search.searched, strict=True)]
-    line = calibrated(seen, simulated)
     residuals = [
         x.beyond(x.measured_um - line.gain * y - c) for x, y, c in zip(seen, simulated, line.offsets_um, strict=True)
     ]
-    square = sum(float(np.sum(f.innovations(r) ** 2)) for f, r in zip(by.filters, residuals, strict=True))
+    return np.concatenate([f.innovations(r) for f, r in zip(search.grades.by.filters, residuals, strict=True)])
+
+
+def _line(output: Output, readings: list[Array]) -> Calibration:
+    search = output.diagnosis.findings.search
+    simulated = [y[rows] for y, rows in zip(readings, search.searched, strict=True)]
+    return calibrated(search.problem.observations, simulated)
+
+
+def _left(output: Output, readings: list[Array]) -> Left:
+    """Return what an output leaves beside simulated readings (n,) of every record."""
+    search = output.diagnosis.findings.search
+    by, line = search.grades.by, _line(output, readings)
+    square = float(np.sum(_innovations(output, readings) ** 2))
     cost = by.effective_rows * float(np.log(max(square, 1e-300) / by.rows))
     return Left(
         cost, _rms(search.whole, readings, line), line.gain, line.offsets_um[output.diagnosis.findings.of_record]
@@ -272,9 +363,12 @@ def _around(answers: Answers, output: Output, before: Correction, behind: Correc
 
     What the stand-in differs by is taken from them, as it was from the records.
     """
+    return _read_around(answers, output, Stages(before.stages, behind.stages), step_s)
+
+
+def _read_around(answers: Answers, output: Output, stages: Stages, step_s: float) -> list[Array]:
     search, known, original = output.diagnosis.findings.search, output.diagnosis.stand_in, output.original
     assert known is not None
-    stages = Stages(before.stages, behind.stages)
     return [
         answers.readings(original.output.name, original.rest_um, stages, x, record, step_s) - d
         for x, d, record in zip(search.whole, known.differences_um, search.records, strict=True)
@@ -333,7 +427,9 @@ def _corrected(
     )  # fmt: skip
 
 
-def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen: RankedExplanations) -> Together:
+def _together(
+    found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen: RankedExplanations, needing: frozenset[str]
+) -> Together:
     best = chosen.best
     if best.each:
         reason = "each output has a correction of the input of its own: one FMU cannot have them all"
@@ -343,7 +439,7 @@ def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen:
             f"{', '.join(sorted(best.apart))} has more on the input than all outputs share: one FMU cannot have both"
         )
         return Together(found, chosen, {}, {}, reason)
-    if inside := Together(found, chosen, {}, {}).inside:
+    if inside := Together(found, chosen, {}, {}, needing_inside=needing).inside:
         said = ", ".join(sorted({title_of(x) for effects in inside.values() for x in effects}))
         reason = f"{said} acts inside the FMU: the corrected FMU of each output by itself has it beside the original"
         return Together(found, chosen, {}, {}, reason)
