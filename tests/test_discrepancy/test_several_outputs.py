@@ -10,7 +10,15 @@ from few import few_rows
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
-from bender_discrepancy.foreign.joint_explanations import NOTHING, Correction, Left, Output, rank_explanations
+from bender_discrepancy.foreign import outputs as outputs_module
+from bender_discrepancy.foreign.joint_explanations import (
+    NOTHING,
+    Correction,
+    Left,
+    Output,
+    corrections,
+    rank_explanations,
+)
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs_report import sentence, titles
 from bender_loop.fmu.plant import FmuPlant
@@ -226,11 +234,16 @@ def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> 
     found = rank_explanations(
         outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99
     )
+    still = SimpleNamespace(recalibrated=())
     alone = {
         "a": SimpleNamespace(
-            verdict="named", added=(SimpleNamespace(id="tip_mass"),), is_complete=True, model=load_model("paper")
+            verdict="named",
+            added=(SimpleNamespace(id="tip_mass"),),
+            is_complete=True,
+            model=load_model("paper"),
+            findings=still,
         ),
-        "b": SimpleNamespace(verdict="no_gap", added=(), is_complete=True),
+        "b": SimpleNamespace(verdict="no_gap", added=(), is_complete=True, findings=still),
     }
     told = Together(alone, found, {}, {})  # type: ignore[arg-type]
     assert told.inside == {"a": ("tip_mass",)}
@@ -267,3 +280,26 @@ def test_a_way_has_to_be_better_by_more_than_chance() -> None:
         assert found.best.each is each
         assert found.rivals() == ()
         assert found.threshold == pytest.approx(9.2103, abs=1e-3)
+
+
+def test_what_an_output_has_inside_by_itself_is_no_matter_where_something_around_the_fmu_explains_it() -> None:
+    outputs = [_output("a", NOTHING), _output("b", NOTHING)]
+    found = rank_explanations(
+        outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99
+    )
+    one = SimpleNamespace(added=(SimpleNamespace(id="tip_mass"),), model=load_model("paper"))
+    told = Together({"a": one, "b": one}, found, {}, {}, needing_inside=frozenset("b"))  # type: ignore[arg-type]
+    assert told.inside == {"b": ("tip_mass",)}
+
+
+def test_the_corrections_of_the_input_that_are_driven_have_a_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an output prefers is driven first, and so is nothing at all."""
+    monkeypatch.setattr(outputs_module, "MOST_STEPS", 4 * 4 * 1000)
+    rows = [SimpleNamespace(time_s=np.arange(1000.0))]
+    monkeypatch.setattr(outputs_module, "_rows", lambda _: rows)
+    kinds = [Correction((name,), MODEL, 1) for name in ("slew_limit", "dead_zone", "transport_delay")]
+    a = _WithCorrections(None, "a", tuple(kinds), (NOTHING,))  # type: ignore[arg-type]
+    b = _WithCorrections(None, "b", tuple(reversed(kinds)), (NOTHING,))  # type: ignore[arg-type]
+    driven = outputs_module.affordable(corrections([a, b]), [a, b])
+    assert [x.effects for x, _ in driven][:3] == [(), ("slew_limit",), ("transport_delay",)]
+    assert len(driven) == 4

@@ -71,6 +71,7 @@ class Together:
         after: what the corrected FMU leaves of each output on held-out readings; none without it.
         why_no_fmu: why there is no corrected FMU of all outputs; None where there is.
         needing_inside: outputs that nothing around the FMU explains; None for all that found something inside.
+        parameters: suspected ones that were off: name, value as given, value found, standard deviation, unit.
     """
 
     by_itself: Mapping[str, Diagnosis]
@@ -79,6 +80,7 @@ class Together:
     after: Mapping[str, float]
     why_no_fmu: str | None = None
     needing_inside: frozenset[str] | None = None
+    parameters: tuple[tuple[str, float, float, float, str], ...] = ()
 
     @property
     def best(self) -> JointExplanation:
@@ -101,12 +103,6 @@ class Together:
             if self.needing_inside is None or name in self.needing_inside
         }
         return {name: effects for name, effects in found.items() if effects}
-
-    @property
-    def parameters(self) -> tuple[tuple[str, float, float, float, str], ...]:
-        """Suspected parameters that were off: name, value as given, value found, standard deviation, unit."""
-        known = next(iter(self.by_itself.values())).stand_in
-        return known.suspected.moved if known is not None and known.suspected is not None else ()
 
     @property
     def complete(self) -> bool:
@@ -181,7 +177,9 @@ def diagnose_outputs(
     outputs = [output_of(diagnosis, originals[name]) for name, diagnosis in found.items()]
     chosen, needing = _weighed(outputs, how, tell)
     tell("driving the corrected FMU of all outputs")
-    return replace(_together(found, outputs, chosen, needing), needing_inside=needing)
+    known = outputs[0].diagnosis.stand_in
+    off = known.suspected.moved if known is not None and known.suspected is not None else ()
+    return replace(_together(found, outputs, chosen, needing), needing_inside=needing, parameters=off)
 
 
 def _at(values: Mapping[str, float]) -> str:
