@@ -1,7 +1,6 @@
 """An oven with two temperatures (PythonFMU): driven once for all outputs, followed, its resistance found by both."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -71,8 +70,8 @@ def original_of(oven: Path, output: str, record: Record) -> Original:
 
 
 @pytest.fixture
-def drives(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """Names of what was run where the FMU lives, without what looks and sets only."""
+def drives(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the functions that were run where the FMU lives, in their order."""
     found: list[str] = []
     run_there = WatchedPlant.run_there
 
