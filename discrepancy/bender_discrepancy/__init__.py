@@ -10,6 +10,7 @@ From top to bottom; each imports only what stands below it.
 | `structures` | linear structures that compete with the effects where no model is given |
 | `input_hold` | what the command does between the rows, decided |
 | `diagnosis` | the frozen result: final verdict, effects, gap, next experiment, corrected model |
+| `rivals` | the models that the records leave open beside the corrected one |
 | `report/` | page, summary on the terminal, pictures |
 | `conclusion/` | numbers, notes and sentences, the gap through the FMU, `diagnosis.json` |
 | `experiment/` | design of the next experiment |

@@ -24,6 +24,7 @@ from bender_discrepancy.pickling import pickle_with_closures
 from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import figures_of
+from bender_discrepancy.rivals import RIVAL_FILES, RivalModel, rival_models
 from bender_discrepancy.witnesses.would_tell import Missing, would_tell
 from bender_export.documentation import origin_page
 from bender_export.origin import REPORT as REPORT_IN_FMU
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from bender_discrepancy.report.chart_process import ChartProcess
 
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
-FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE, "model.ssp", "model.ssv")
+FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE, "model.ssp", "model.ssv", *RIVAL_FILES)
 """All that a diagnosis may write."""
 
 
@@ -113,6 +114,13 @@ class Diagnosis:
         return self.findings.model
 
     @cached_property
+    def rival_models(self) -> tuple[RivalModel, ...]:
+        """What the device may be instead of the corrected model; none around an FMU that was given as the model."""
+        if self.stand_in is not None or not is_written(self.findings, self.gap):
+            return ()
+        return rival_models(self.findings)
+
+    @cached_property
     def _told(self) -> dict[str, Any]:
         with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead, self._would_tell())
@@ -120,6 +128,7 @@ class Diagnosis:
             # behind the effects an equation without a name may stand
             for entry, x in zip(told["effects"], self.findings.effects, strict=False):
                 entry["in_figures"] = figures_of(x.id, x.form, x.numbers, volts, model)
+            told["rival_models"] = [x.to_dict() for x in self.rival_models]
             told["smallest_visible"] = {name: x.to_dict() for name, x in self.smallest_visible.items()}
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
@@ -192,6 +201,8 @@ class Diagnosis:
     def save(self, folder: Path | str) -> Path:
         """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.
 
+        Models that the records leave open beside the corrected one are written as rival-N.toml and rival-N.fmu.
+
         A corrected model is left out that is worse than the recalibrated one on held-out readings, or where
         the records look like those of another device.
 
@@ -220,6 +231,10 @@ class Diagnosis:
             for name, data in self.beside.items():
                 write_atomically(folder / name, data)
             write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
+            for rival in self.rival_models:
+                model, fmu = rival.files
+                write_atomically(folder / model, tomli_w.dumps(rival.model.to_table()))
+                write_atomically(folder / fmu, rival.fmu())
         if self.next_experiment is not None:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv(self.quantities.command))
         write_atomically(folder / DIAGNOSIS, self.to_json())
