@@ -15,7 +15,7 @@ from bender_report.wording import relabelled, shown_in
 from bender_tuner.model.python_control import ControlSystems, to_control
 from bender_tuner.results.summary import table_rows
 from bender_tuner.results.tuning_file import FmuFacts, tuning_document
-from bender_tuner.task.session import Session, open_guarded, posed, run_session, write_results
+from bender_tuner.task.session import Session, open_guarded, open_rivals, posed, run_session, write_results
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
 from piezo_bender.shared import (
@@ -182,9 +182,12 @@ def tune(
 
     given = USUAL if units is None else of_input_and_output(units)
     told = diagnosed(fmu if model is None else model if isinstance(model, str | Path) else None)
-    opened = open_guarded(path, input_name, output_name, foreign=fmu is not None, quantities=given, found=told)
-    with opened as (plant, facts):
-        problem = posed(plant, wanted, facts, report)
+    if fmu is None:
+        told = told.with_fmus_of(_plant_fmu)
+    foreign = fmu is not None
+    opened = open_guarded(path, input_name, output_name, foreign=foreign, quantities=given, found=told)
+    with opened as (plant, facts), open_rivals(plant, facts, told.rivals, foreign=foreign) as rivals:
+        problem = posed(plant, wanted, facts, report, rivals)
         session = run_session(plant, facts, problem, report, follow_model=follow_model)
         return TuningResult(session, facts)
 

@@ -38,12 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/tune, with a number where it exists")
 
 
-def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = None) -> int:
+def run(
+    arguments: argparse.Namespace, model: str | None = None, fmu_of: Callable[[str | Path], Path] | None = None
+) -> int:
     """Tune, write gains.toml, tuning.json and pictures, print the table.
 
     Args:
         arguments: as `add_arguments` declares them.
-        default_fmu: makes the FMU to tune where `--fmu` is not given.
+        model: what to tune where `--fmu` is not given, a built-in name or a file.
+        fmu_of: makes the FMU of a model.
 
     Returns:
         0; 130 after an interrupt and 1 after a failure of the plant, both with the best gains so far written.
@@ -59,13 +62,15 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     settings = settings_from(arguments)
     if arguments.out is None:
         arguments.out = unused(Path("results") / "tune")
-    path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
-    if path is None:
-        raise InputError("no FMU was named; say which one to tune with --fmu FILE")
     from bender_loop.fmu.diagnosed import diagnosed
     from bender_loop.tables.quantities import USUAL, of_input_and_output
     from bender_tuner.task.session import hold_session
 
+    path, found = arguments.fmu, diagnosed(arguments.fmu or model)
+    if path is None:
+        if model is None or fmu_of is None:
+            raise InputError("no FMU was named; say which one to tune with --fmu FILE")
+        path, found = fmu_of(model), found.with_fmus_of(fmu_of)
     session = hold_session(
         path,
         arguments.input,
@@ -76,7 +81,7 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
         parameters=start_values(arguments),
         quantities=USUAL if arguments.units is None else of_input_and_output(arguments.units),
         follow_model=arguments.follow_model,
-        found=diagnosed(arguments.fmu or getattr(arguments, "model", None)),
+        found=found,
     )
     return _status(session, arguments.out)
 

@@ -28,10 +28,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
-    return run_tuner(arguments, default_fmu=lambda: _plant_fmu("paper" if arguments.model is None else arguments.model))
+    return run_tuner(arguments, "paper" if arguments.model is None else arguments.model, _plant_fmu)
 
 
-def _plant_fmu(model: str) -> Path:
+def _plant_fmu(model: str | Path) -> Path:
     from bender_native.ready import ready_plant_fmu
 
     return ready_plant_fmu(model)

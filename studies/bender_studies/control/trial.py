@@ -17,6 +17,7 @@ from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.references import Profile, Reference, Sine
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
+from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, diagnosed
 from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower, run_following
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
@@ -141,12 +142,13 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
     diagnosis = diagnose_run(folder / "record.csv", folder / "diagnosis", MODEL)
     effects = tuple(x["id"] for x in diagnosis["effects"])
     found: dict[str, Any] = {"verdict": diagnosis["verdict"], "effects": effects}
-    model = load_model(folder / "diagnosis" / diagnosis["model"])
+    file = folder / "diagnosis" / diagnosis["model"]
+    model = load_model(file)
     if trial.wrong_names:
         wrong = [x for x in trial.wrong_names if x not in (*case.effect_ids, *effects)]
         found["wrong"] = wrong[case.seed % len(wrong)]
         model = model.with_block(found["wrong"], **CATALOGUE[found["wrong"]].example)
-    session = tuned(model, case, folder / "tuned", trial.evaluations)
+    session = tuned(model, case, folder / "tuned", trial.evaluations, diagnosed(file))
     judgement = session.contenders[0].judgement
     found |= {
         "recommended": session.following is not None,
@@ -163,11 +165,10 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
     return found | _compared(runs, limit_Hz) | _spread(runs, trial.spread)
 
 
-def tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
-    """Tune on a model, with the camera and the supply of the benches."""
+def tuned(model: Model, case: Case, out: Path, evaluations: int, found: Diagnosed = NOTHING) -> "Session":
+    """Tune on a model and its rivals, with the camera and the supply of the benches."""
     from bender_native.ready import ready_plant_fmu
-    from bender_tuner.task.problem import pose_problem
-    from bender_tuner.task.session import open_guarded, run_session, write_results
+    from bender_tuner.task.session import open_guarded, open_rivals, posed, run_session, write_results
     from bender_tuner.task.settings import make_settings
 
     settings = make_settings(
@@ -179,8 +180,12 @@ def tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
         slew_V_per_s=SLEW_V_PER_S,
         evaluations=evaluations,
     )
-    with open_guarded(ready_plant_fmu(model)) as (plant, facts):
-        session = run_session(plant, facts, pose_problem(plant, settings), follow_model=True)
+    found = found.with_fmus_of(ready_plant_fmu)
+    with (
+        open_guarded(ready_plant_fmu(model), found=found) as (plant, facts),
+        open_rivals(plant, facts, found.rivals) as rivals,
+    ):
+        session = run_session(plant, facts, posed(plant, settings, facts, rivals=rivals), follow_model=True)
         write_results(session, facts, prepare_directory(out))
     return session
 

@@ -20,6 +20,7 @@ from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile
 from bender_loop.control.trace import Trace
 from bender_loop.errors import RunError
+from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.records.record import Array, Record, read_record
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_native.ready import ready_plant_fmu
@@ -124,14 +125,15 @@ def diagnose_run(record: Path, out: Path, given: str = NOMINAL) -> dict[str, Any
         return diagnose_into(stage, model, records, Settings(), [str(record)], chart_process).to_dict()
 
 
-def retune(fmu: Path, settings: TuneSettings, out: Path) -> Session:
-    """Tune on the corrected FMU as on the nominal one, and a controller that follows it.
+def retune(model: Path, settings: TuneSettings, out: Path) -> Session:
+    """Tune on the corrected model and its rivals as on the nominal one, and a controller that follows it.
 
     Raises:
         RunError: the plant failed.
         KeyboardInterrupt: it was interrupted.
     """
-    session = hold_session(fmu, None, None, settings, out, follow_model=True)
+    found = diagnosed(model).with_fmus_of(ready_plant_fmu)
+    session = hold_session(ready_plant_fmu(model), None, None, settings, out, follow_model=True, found=found)
     if session.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
     if session.ended is not Ended.COMPLETE:
@@ -151,8 +153,7 @@ def on_the_bench(session: Session, out: Path) -> BenchStory:
     bench = write_bench(out)
     before = run_on_bench(bench, out / "tune" / "gains.toml", out / BEFORE)
     diagnosis = diagnose_run(out / BEFORE / "record.csv", out / DIAGNOSIS)
-    corrected = ready_plant_fmu(out / DIAGNOSIS / diagnosis["model"])
-    again = retune(corrected, replace(session.settings, monte_carlo=0), out / RETUNED)
+    again = retune(out / DIAGNOSIS / diagnosis["model"], replace(session.settings, monte_carlo=0), out / RETUNED)
     after = run_on_bench(bench, out / RETUNED / "gains.toml", out / AFTER)
     first_gains, _, _ = read_gains(out / "tune" / "gains.toml")
     return BenchStory(before, diagnosis, again, after, first_gains)

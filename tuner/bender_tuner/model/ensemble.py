@@ -1,12 +1,16 @@
-"""The plants that a tuning must hold for: gain factors times frames of latency around the nominal loop.
+"""The plants that a tuning must hold for: gain factors times frames of latency around the loop of every model.
 
 The gain is varied by a factor on the reading, so that it works for any plant; each factor has its own operating point
 and its own linear model, found once. Gains change the controller only, so a search reuses them all.
+
+Beside the nominal model stand its rivals: those that the records of a diagnosis leave open. Nobody knows which of them
+the device is, so what has to hold in the nominal case has to hold in theirs.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from bender_loop.control.pid import Limits
 from bender_loop.control.plant import Plant
@@ -19,16 +23,24 @@ GAIN_FACTORS = (0.7, 1.0, 1.3)
 EXTRA_FRAMES = (0, 1)
 
 
+class Rival(NamedTuple):
+    """A plant that the device may be instead of the nominal one, and the name of its model."""
+
+    name: str
+    plant: Plant
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
     """One plant of an ensemble.
 
     Attributes:
-        gain_factor: on the reading of the nominal plant.
+        gain_factor: on the reading of its model.
         latency_frames: of this case.
         plant: the plant with the factor.
         linearisation: of `plant` at the setpoint.
         delayed: its linear model behind the latency.
+        rival: name of its model; empty for the nominal one.
     """
 
     gain_factor: float
@@ -36,14 +48,29 @@ class Case:
     plant: Plant
     linearisation: Linearisation
     delayed: DelayedPlant
+    rival: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ensemble:
-    """The nominal case and all cases, the nominal one among them."""
+    """The nominal case, all cases, and the nominal case of every rival, which are among them."""
 
     nominal: Case
     cases: tuple[Case, ...]
+    rivals: tuple[Case, ...] = ()
+
+    @property
+    def expected(self) -> tuple[Case, ...]:
+        """What the device may be, as far as is known: the nominal case of every model."""
+        return self.nominal, *self.rivals
+
+    def beside(self, rival: "Ensemble") -> "Ensemble":
+        """Return the ensemble with the nominal case of a rival in it, and the one with most gain and latency.
+
+        It is there that a loop is nearest to its bounds; what less gain costs is known from the nominal model.
+        """
+        hardest = max(rival.cases, key=lambda x: (x.gain_factor, x.latency_frames))
+        return Ensemble(self.nominal, (*self.cases, rival.nominal, hardest), (*self.rivals, rival.nominal))
 
 
 def build_ensemble(
@@ -55,6 +82,7 @@ def build_ensemble(
     extra_frames: Sequence[int] = EXTRA_FRAMES,
     most_frames: int = MOST_FRAMES,
     tell: Callable[[int, int, str], None] | None = None,
+    rival: str = "",
 ) -> Ensemble:
     """Every gain factor with every latency; linearised at `setpoint_um`.
 
@@ -67,6 +95,7 @@ def build_ensemble(
         extra_frames: added to the latency of `sampling`, with 0 among them.
         most_frames: longest wait for rest; what creeps on after that is slower than the loop.
         tell: is told how many parts of how many of the work are done, and what comes.
+        rival: name of the model where it is a rival of the nominal one.
 
     Raises:
         InputError: the setpoint is out of reach for one of the factors.
@@ -85,6 +114,6 @@ def build_ensemble(
         for extra in extra_frames:
             latency = sampling.latency_frames + extra
             delayed = DelayedPlant(linearisation.model, latency)
-            cases.append(Case(factor, latency, scaled, linearisation, delayed))
+            cases.append(Case(factor, latency, scaled, linearisation, delayed, rival))
     nominal = next(c for c in cases if c.gain_factor == 1.0 and c.latency_frames == sampling.latency_frames)
     return Ensemble(nominal, tuple(cases))

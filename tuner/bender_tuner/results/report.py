@@ -17,6 +17,7 @@ class CaseMargins:
     gain_factor: float
     latency_frames: int
     margins: Margins
+    rival: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,8 @@ class RobustnessReport:
 def robustness_report(gains: Gains, ensemble: Ensemble) -> RobustnessReport:
     """Margins of all cases; noise gain and load rejection of the nominal one."""
     cases = tuple(
-        CaseMargins(case.gain_factor, case.latency_frames, margins(gains, case.delayed)) for case in ensemble.cases
+        CaseMargins(case.gain_factor, case.latency_frames, margins(gains, case.delayed), case.rival)
+        for case in ensemble.cases
     )
     nominal = ensemble.nominal.delayed
     return RobustnessReport(

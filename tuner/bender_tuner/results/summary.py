@@ -105,17 +105,19 @@ def finding_lines(
 def _bounds_line(tuned: Judgement, priorities: Priorities) -> str:
     p = tuned.practitioner
     worst = f"{p.worst_sensitivity_peak:.3g}" if math.isfinite(p.worst_sensitivity_peak) else "without bound"
+    rivals = listed(list(dict.fromkeys(x.rival for x in p.cases if x.rival)))
     return (
         f"bounds {'kept' if p.bounds_kept else 'NOT kept'}: worst Ms {worst} over gain and latency (at most "
-        f"{priorities.sensitivity_bound:g}), overshoot {p.nominal.metrics.overshoot_percent:.3g} % "
+        f"{priorities.sensitivity_bound:g}), overshoot {p.overshoot_percent:.3g} % "
         f"(at most {100.0 * priorities.overshoot_bound:g} %){_further(p, priorities)}"
+        + (f"; also with {rivals}, which the records leave open" if rivals else "")
     )
 
 
 def _further(p: PractitionerReport, priorities: Priorities) -> str:
     said = ""
     if priorities.settling_bound_s is not None:
-        settling_s = p.nominal.metrics.settling_time_s
+        settling_s = p.settling_time_s
         found = "never settles" if math.isnan(settling_s) else f"settles in {settling_s:.3g} s"
         said += f", {found} (at most {priorities.settling_bound_s:g} s)"
     if priorities.noise_gain_bound_V_per_um is not None:

@@ -149,6 +149,7 @@ def _judgement(judgement: Judgement) -> dict[str, Any]:
         {
             "gain_factor": case.gain_factor,
             "latency_frames": case.latency_frames,
+            "rival": case.rival,
             "score": case.score,
             "sensitivity_peak": case.sensitivity_peak,
             "step": _step(case.metrics),

@@ -76,30 +76,34 @@ class ClosedPlant:
 
 
 class GuardedPlant:
-    """`plant`, with pending interrupts raised before each of its calls and none raised within."""
+    """`plant`, with pending interrupts raised before each of its calls and none raised within.
+
+    Attributes:
+        interrupts: what is asked whether one is pending; plants of one tuning share it.
+    """
 
     def __init__(self, plant: ReadablePlant, interrupts: DeferredInterrupts) -> None:
         self._plant = plant
         self._step = plant.step
-        self._interrupts = interrupts
+        self.interrupts = interrupts
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ClosedPlant, ()
 
     def set_parameters(self, parameters: Mapping[str, float], /) -> None:
         """Set parameters of the plant."""
-        self._interrupts.check()
+        self.interrupts.check()
         self._plant.set_parameters(parameters)
 
     def reset(self) -> None:
         """Reset the plant."""
-        self._interrupts.check()
+        self.interrupts.check()
         self._plant.reset()
 
     def step(self, voltage_V: float, step_s: float) -> float:
         """Advance the plant; returns displacement_um."""
-        if self._interrupts.pending:
-            self._interrupts.check()
+        if self.interrupts.pending:
+            self.interrupts.check()
         return self._step(voltage_V, step_s)
 
     @property
@@ -110,11 +114,11 @@ class GuardedPlant:
             return None
 
         def guarded(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
-            self._interrupts.check()
+            self.interrupts.check()
             try:
                 return there(function, args, kwargs)
             except RunError:  # the plant may have been stopped for the interrupt's sake
-                self._interrupts.check()
+                self.interrupts.check()
                 raise
 
         return guarded

@@ -10,23 +10,25 @@ and the value is
     J = T + w_b max(T, 1) (rho(Ms) + rho(OS_nominal)),   rho(v) = ((v - comfort)+ / (bound - comfort))^2,
 
 with Ms the worst of all cases. Where they are asked for, rho of the nominal settling time and of the nominal noise gain
-stand in the same sum.
+stand in the same sum. Of a model that has rivals nobody knows which one the device is: "nominal" is then the worst of
+their nominal cases.
 
 Scales: r is the setpoint and u_r the voltage that holds it, the least variation TV that can reach it. theta is the
-effective delay of the nominal loop (`reduced_model`): a loop tuned by SIMC with tau_c = theta answers a step like
-exp(-theta s) / (1 + theta s), whose ITAE is 2.5 theta^2 r, so s = 1 is what the closed formula promises on a linear
-plant of the right gain. e_end is the mean error over the last tenth of the run.
+effective delay of the nominal loop of the model (`reduced_model`): a loop tuned by SIMC with tau_c = theta answers a
+step like exp(-theta s) / (1 + theta s), whose ITAE is 2.5 theta^2 r, so s = 1 is what the closed formula promises on a
+linear plant of the right gain. e_end is the mean error over the last tenth of the run.
 
 rho keeps the two bounds: it sets in at a comfortable value, is 1 at the bound and grows as a parabola. It is smooth
 on purpose: with an exact penalty, which has a kink on the bound, pattern and simplex searches get stuck in the corner
 where both bounds meet. It is weighed with T, since theta may be far shorter than a loop that keeps the bounds can be.
 The minimum lies between comfort and bound unless, at the bound, tracking still gains more than 2 w_b of itself per
 width (bound - comfort); `PractitionerReport.bounds_kept` says whether both are kept. The bound on Ms covers
-the whole ensemble, that on the overshoot the nominal plant; with 30 % more gain and a frame more than planned an
+the whole ensemble, that on the overshoot the nominal plants; with 30 % more gain and a frame more than planned an
 overshoot is scored, not forbidden.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from bender_loop.control.metrics import StepMetrics
@@ -109,6 +111,7 @@ class CaseScore:
     metrics: StepMetrics
     sensitivity_peak: float
     score: float
+    rival: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +122,14 @@ class PractitionerReport:
         value: J.
         tracking: the part of J from the step responses.
         penalty: the part from the bounds, 0 within the comfortable values.
-        bounds_kept: worst Ms and nominal overshoot lie within their bounds, and what else was asked for.
+        bounds_kept: worst Ms and nominal overshoot lie within their bounds, for every rival too, and what else was
+            asked for.
         worst_sensitivity_peak: largest Ms of all cases.
-        noise_gain_V_per_um: of the nominal loop; NaN where no bound was asked for.
+        noise_gain_V_per_um: the largest of the nominal loops; NaN where no bound was asked for.
         nominal: the nominal case.
         cases: all cases, the nominal one among them.
+        overshoot_percent: the largest of the nominal cases, those of rivals among them.
+        settling_time_s: the longest of the same; NaN where one never settles.
     """
 
     value: float
@@ -134,6 +140,8 @@ class PractitionerReport:
     nominal: CaseScore
     cases: tuple[CaseScore, ...]
     noise_gain_V_per_um: float = math.nan
+    overshoot_percent: float = math.nan
+    settling_time_s: float = math.nan
 
 
 class PractitionerObjective:
@@ -151,9 +159,8 @@ class PractitionerObjective:
         self.priorities = Priorities() if priorities is None else priorities
         self._setpoint_um = abs(experiment.setpoint_um)
         self._runs = [experiment.with_plant(case.plant, case.latency_frames) for case in ensemble.cases]
-        nominal = ensemble.nominal
-        delay_s = reduce_model(nominal.linearisation.model, nominal.latency_frames).delay_s
-        self._itae_scale = _SIMC_ITAE * delay_s**2 * self._setpoint_um
+        self._itae_scales = {x.rival: _SIMC_ITAE * _delay_s(x) ** 2 * self._setpoint_um for x in ensemble.expected}
+        self._expected = [ensemble.cases.index(x) for x in ensemble.expected]
 
     def __call__(self, gains: Gains) -> float:
         """J; inf where a run diverged."""
@@ -163,12 +170,14 @@ class PractitionerObjective:
         """J and what it is made of, for the PID block alone or in a model-following controller."""
         pairs = zip(self.ensemble.cases, self._runs, strict=True)
         scores = tuple(self._score(gains, case, run, following) for case, run in pairs)
-        nominal = scores[self.ensemble.cases.index(self.ensemble.nominal)]
+        expected = [scores[k].metrics for k in self._expected]
+        overshoot_percent = _largest(x.overshoot_percent for x in expected)
+        settling_time_s = _largest(x.settling_time_s for x in expected)
         values = [score.score for score in scores]
         share = self.priorities.worst_share
         tracking = share * max(values) + (1.0 - share) * sum(values) / len(values)
         worst_peak = max(score.sensitivity_peak for score in scores)
-        asked = self._asked(gains, worst_peak, nominal.metrics)
+        asked = self._asked(gains, worst_peak, overshoot_percent, settling_time_s)
         excess = sum(_rho(*x) for x in asked.values())
         penalty = self.priorities.bound_weight * max(tracking, 1.0) * excess if excess else 0.0
         return PractitionerReport(
@@ -177,24 +186,29 @@ class PractitionerObjective:
             penalty=penalty,
             bounds_kept=all(value <= bound for value, _, bound in asked.values()),
             worst_sensitivity_peak=worst_peak,
-            nominal=nominal,
+            nominal=scores[self._expected[0]],
             cases=scores,
             noise_gain_V_per_um=asked["noise"][0] if "noise" in asked else math.nan,
+            overshoot_percent=overshoot_percent,
+            settling_time_s=settling_time_s,
         )
 
-    def _asked(self, gains: Gains, worst_peak: float, nominal: StepMetrics) -> dict[str, tuple[float, float, float]]:
+    def _asked(
+        self, gains: Gains, worst_peak: float, overshoot_percent: float, settling_time_s: float
+    ) -> dict[str, tuple[float, float, float]]:
         """What has a bound: its value, up to where nothing is paid, and the bound."""
         p = self.priorities
         found = {
             "sensitivity": (worst_peak, p.sensitivity_comfort, p.sensitivity_bound),
-            "overshoot": (nominal.overshoot_percent / 100.0, p.overshoot_comfort, p.overshoot_bound),
+            "overshoot": (overshoot_percent / 100.0, p.overshoot_comfort, p.overshoot_bound),
         }
         if p.settling_bound_s is not None:
-            settling_s = math.inf if math.isnan(nominal.settling_time_s) else nominal.settling_time_s
+            settling_s = math.inf if math.isnan(settling_time_s) else settling_time_s
             found["settling"] = (settling_s, _COMFORT * p.settling_bound_s, p.settling_bound_s)
         if p.noise_gain_bound_V_per_um is not None:
             bound = p.noise_gain_bound_V_per_um
-            found["noise"] = (noise_gain_V_per_um(gains, self.ensemble.nominal.delayed), _COMFORT * bound, bound)
+            largest = max(noise_gain_V_per_um(gains, x.delayed) for x in self.ensemble.expected)
+            found["noise"] = (largest, _COMFORT * bound, bound)
         return found
 
     def _score(self, gains: Gains, case: Case, run: StepExperiment, following: Following | None) -> CaseScore:
@@ -202,13 +216,24 @@ class PractitionerObjective:
         least_variation = max(abs(case.linearisation.point.voltage_V), _LEAST_VARIATION_V)
         p = self.priorities
         score = (
-            metrics.itae_um_s2 / self._itae_scale
+            metrics.itae_um_s2 / self._itae_scales[case.rival]
             + p.effort_weight * max(metrics.total_variation_V / least_variation - p.effort_allowance, 0.0)
             + p.overshoot_weight * max(metrics.overshoot_percent / 100.0 - p.overshoot_bound, 0.0)
             + p.final_error_weight * abs(metrics.steady_state_error_um) / self._setpoint_um
         )
         peak = sensitivity_peak(gains, case.delayed)
-        return CaseScore(case.gain_factor, case.latency_frames, metrics, peak, score)
+        return CaseScore(case.gain_factor, case.latency_frames, metrics, peak, score, case.rival)
+
+
+def _delay_s(case: Case) -> float:
+    """The effective delay of a loop."""
+    return reduce_model(case.linearisation.model, case.latency_frames).delay_s
+
+
+def _largest(values: Iterable[float]) -> float:
+    """The largest; NaN, which stands for never, where one is."""
+    found = list(values)
+    return math.nan if any(map(math.isnan, found)) else max(found)
 
 
 def _rho(value: float, comfort: float, bound: float) -> float:

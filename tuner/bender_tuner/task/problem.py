@@ -7,7 +7,8 @@ from functools import partial
 
 from bender_loop.control.pid import Gains
 from bender_loop.control.plant import Plant, restart
-from bender_tuner.model.ensemble import GAIN_FACTORS, Ensemble, build_ensemble
+from bender_loop.errors import InputError
+from bender_tuner.model.ensemble import GAIN_FACTORS, Ensemble, Rival, build_ensemble
 from bender_tuner.model.linear_model import (
     DEAD_TIME_S,
     FEWEST_FRAMES,
@@ -73,9 +74,12 @@ class TuningProblem:
         return self.practitioner.evaluate(gains).bounds_kept
 
     def holds(self, gains: Gains) -> bool:
-        """Return whether the nominal loop is stable, in linear analysis and in its run."""
-        nominal = self.ensemble.nominal.delayed
-        return math.isfinite(sensitivity_peak(gains, nominal)) and not self.experiment.run(gains).diverged
+        """Return whether the nominal loops, those of rivals too, are stable, in linear analysis and in their runs."""
+        return all(
+            math.isfinite(sensitivity_peak(gains, x.delayed))
+            and not self.experiment.with_plant(x.plant, x.latency_frames).run(gains).diverged
+            for x in self.ensemble.expected
+        )
 
     def space(self, *, raw: bool) -> GainSpace:
         """The paper's raw gains, or the logarithmic box around the first guess."""
@@ -90,37 +94,57 @@ def silent(title: str, done: int, total: int, remark: str = "") -> None:
     """Report to nobody."""
 
 
-def pose_problem(plant: Plant, settings: TuneSettings, report: Report = silent) -> TuningProblem:
+def pose_problem(
+    plant: Plant, settings: TuneSettings, report: Report = silent, rivals: Sequence[Rival] = ()
+) -> TuningProblem:
     """Linearise `plant` at the setpoint and set up the runs.
 
-    A gain factor of the ensemble under which the setpoint is out of reach is left out, and a note says so.
+    A gain factor of the ensemble, or a rival, under which the setpoint is out of reach is left out, and a note says so.
 
     Args:
         plant: as it starts.
         settings: of the tuning.
         report: is told how far the work is.
+        rivals: what the device may be instead.
 
     Raises:
         InputError: the setpoint is out of reach, or the plant does not answer or answers downwards.
         RunError: the plant failed.
     """
-    sampling, limits, setpoint_um = settings.sampling, settings.limits, settings.setpoint_um
-    frames = _longest_wait(settings)
-    tell = partial(report, "learning the plant")
-    tell(0, 1 + len(GAIN_FACTORS), "where it comes to rest")
-    factors, notes = _factors_within_reach(plant, settings, frames)
-    ensemble = build_ensemble(plant, setpoint_um, sampling, limits, factors, most_frames=frames, tell=tell)
+    ensemble, notes = _spread(plant, settings, partial(report, "learning the plant"))
+    for rival in rivals:
+        try:
+            tell = partial(report, f"learning a rival, {rival.name}")
+            its, told = _spread(rival.plant, settings, tell, rival.name)
+        except InputError as error:
+            notes = [*notes, f"the tuning does not cover {rival.name}, which the records leave open: {error}"]
+            continue
+        ensemble, notes = ensemble.beside(its), [*notes, *(f"{rival.name}: {x}" for x in told)]
     experiment = StepExperiment(
         plant,
-        limits,
-        setpoint_um,
-        sampling,
+        settings.limits,
+        settings.setpoint_um,
+        settings.sampling,
         settings.duration_s,
         seed=settings.seed,
         slew_V_per_s=settings.slew_V_per_s,
     )
     patience = _patience(ensemble.nominal.linearisation.point, settings)
     return problem_of(experiment, ensemble, settings, (*notes, *patience))
+
+
+def _spread(
+    plant: Plant, settings: TuneSettings, tell: Callable[[int, int, str], None], rival: str = ""
+) -> tuple[Ensemble, list[str]]:
+    """Return a plant with every gain factor under which the setpoint is within reach, and notes about the others."""
+    frames = _longest_wait(settings)
+    tell(0, 1 + len(GAIN_FACTORS), "where it comes to rest")
+    factors, notes = _factors_within_reach(plant, settings, frames)
+    ensemble = build_ensemble(
+        plant, settings.setpoint_um, settings.sampling, settings.limits, factors, most_frames=frames, tell=tell,
+        rival=rival,
+    )  # fmt: skip
+    return ensemble, notes
 
 
 def problem_of(

@@ -3,15 +3,16 @@
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Self
 
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.diagnosed import NOTHING, Diagnosed
+from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, RivalModel
+from bender_loop.fmu.file import read_description
 from bender_loop.fmu.followed_model import describe_model
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.process.watched import NATIVE_CODE, WatchedPlant
@@ -20,6 +21,7 @@ from bender_loop.shell.progress import Progress, print_table
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_report.drawing import can_draw, no_pictures
 from bender_report.wording import relabelled, shown_in
+from bender_tuner.model.ensemble import Rival
 from bender_tuner.results.gains_file import write_gains
 from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, taken_units, task_lines
 from bender_tuner.results.tuning_file import FmuFacts, fmu_facts, tuning_document
@@ -90,7 +92,7 @@ def hold_session(
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
 
-    A foreign FMU runs in a process of its own that is watched.
+    A foreign FMU runs in a process of its own that is watched, and so do those of its rivals.
 
     Raises:
         InputError: bad FMU, variables, setpoint or directory; nothing was written.
@@ -106,8 +108,13 @@ def hold_session(
         quantities=quantities,
         found=found,
     )
-    with opened as (plant, facts), Bars() as bars, shown_in(*facts.units):
-        problem = posed(plant, settings, facts, bars)
+    with (
+        opened as (plant, facts),
+        open_rivals(plant, facts, found.rivals, foreign=foreign) as rivals,
+        Bars() as bars,
+        shown_in(*facts.units),
+    ):
+        problem = posed(plant, settings, facts, bars, rivals)
         prepare_directory(out)
         told = list(task_lines(settings, facts.path, facts.input, facts.output))
         _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
@@ -120,15 +127,21 @@ def hold_session(
     return session
 
 
-def posed(plant: GuardedPlant, settings: TuneSettings, facts: FmuFacts, report: Report = silent) -> TuningProblem:
-    """Return the plant posed as a problem.
+def posed(
+    plant: GuardedPlant,
+    settings: TuneSettings,
+    facts: FmuFacts,
+    report: Report = silent,
+    rivals: Sequence[Rival] = (),
+) -> TuningProblem:
+    """Return the plant, with what it may be instead, posed as a problem.
 
     Raises:
         InputError: as of `pose_problem`, in the units of the FMU; a setpoint out of reach may be one of a unit that the
             FMU does not declare.
     """
     try:
-        return pose_problem(plant, settings, report)
+        return pose_problem(plant, settings, report, rivals)
     except InputError as error:
         told = f"{error}; {taken_units(facts)}" if facts.taken_units else str(error)
         with shown_in(*facts.units):
@@ -229,6 +242,35 @@ def open_guarded(
         facts = fmu_facts(path, fmu, quantities)
         units = found.units if facts.units == NOTHING.units else facts.units
         yield GuardedPlant(fmu, interrupts), replace(facts, start_values=values, units=units, model_rms_um=found.rms_um)
+
+
+@contextmanager
+def open_rivals(
+    plant: GuardedPlant, facts: FmuFacts, rivals: Sequence[RivalModel], *, foreign: bool = False
+) -> Iterator[tuple[Rival, ...]]:
+    """What the device may be instead of `plant`, as plants with the same input and output and under the same guard.
+
+    Args:
+        plant: as `open_guarded` gives it.
+        facts: of its FMU; start values that were set are set in a rival that has the parameter.
+        rivals: of the diagnosis that left it.
+        foreign: each runs in a process of its own.
+
+    Raises:
+        InputError: missing or unfit FMU.
+        RunError: an FMU does not start.
+    """
+    names = facts.input, facts.output
+    with ExitStack() as ends:
+        found = []
+        for x in rivals:
+            fmu = ends.enter_context(_opened(x.fmu, names, facts.quantities, plant.interrupts, foreign))
+            known = {v.name for v in read_description(x.fmu).modelVariables}
+            if values := {name: value for name, value in facts.start_values.items() if name in known}:
+                fmu.set_parameters(values)
+                fmu.reset()
+            found.append(Rival(x.name, GuardedPlant(fmu, plant.interrupts)))
+        yield tuple(found)
 
 
 def _opened(
