@@ -5,15 +5,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from following_controllers import followed
 
+from bender_loop.control.closed_loop import simulate
+from bender_loop.control.metrics import step_metrics
 from bender_loop.control.pid import Gains
 from bender_loop.control.plant import Plant
+from bender_loop.control.references import Profile
 from bender_loop.errors import InputError
 from bender_loop.fmu.diagnosed import RivalModel, diagnosed
 from bender_native.ready import ready_plant_fmu
-from bender_plant.model import load_model
+from bender_plant.model import Model, load_model
 from bender_tuner.model.ensemble import EXTRA_FRAMES, GAIN_FACTORS, Rival
 from bender_tuner.model.margins import sensitivity_peak
+from bender_tuner.task.experiment import StepExperiment
+from bender_tuner.task.following import Following
 from bender_tuner.task.problem import TuningProblem, pose_problem
 from bender_tuner.task.session import open_guarded, open_rivals, posed
 from bender_tuner.task.settings import make_settings
@@ -104,6 +110,38 @@ def test_a_rival_out_of_reach_is_left_out_and_said(make: Callable[[], Plant], li
     found = pose_problem(make(), SETTINGS, rivals=[weak])
     assert found.ensemble.rivals == ()
     assert any("a weak one" in x and "set-point" in x.replace("setpoint", "set-point") for x in found.notes)
+
+
+def test_the_way_down_and_up_again_counts_in_parts_of_the_way_up(experiment: StepExperiment):
+    gains, length_s = Gains(0.0, 14.0), experiment.duration_s
+    course = Profile((0.0, length_s, 2.0 * length_s), (10.0, 5.0, 10.0))
+    trace = simulate(experiment.plant, gains, experiment.limits, course, experiment.sampling, 3.0 * length_s)
+    first = step_metrics(experiment.run(gains)).overshoot_percent
+    third = trace.displacement_um[trace.time_s >= 2.0 * length_s]
+    assert first > 1.0
+    # a linear plant overshoots by the same part of every step
+    assert experiment.overshoot_up_and_down_percent(gains) == pytest.approx(first, rel=1e-3)
+    assert 100.0 * (third.max() - 10.0) / 5.0 == pytest.approx(first, rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def remembering() -> Model:
+    """A play that hardly shows on the way up from rest."""
+    return load_model("bench").with_block("backlash", half_width_um=0.4)
+
+
+def test_a_shaper_that_overshoots_on_a_later_step_does_not_keep_the_bounds(remembering: Model):
+    nominal, other = ready_plant_fmu("bench"), ready_plant_fmu(remembering)
+    settings = make_settings(rate_Hz=30.0, latency_frames=0, exposure_s=0.0)
+    model = followed(nominal, rate_um_per_s=600.0, curvature_um_per_s2=36000.0)
+    with open_guarded(other) as (plant, facts):
+        found = posed(plant, settings, facts)
+        following, gains = Following(model, nominal), Gains(0.0, 6.0)
+        first = found.practitioner.evaluate(gains, following).nominal.metrics.overshoot_percent
+        all_of_them = found.experiment.overshoot_up_and_down_percent(gains, following)
+        assert all_of_them > first
+        bound = found.practitioner.priorities.overshoot_bound
+        assert found.practitioner.keeps_overshoot(gains, following) == (all_of_them <= 100.0 * bound)
 
 
 def _told(folder: Path, rivals: list[dict[str, object]]) -> Path:

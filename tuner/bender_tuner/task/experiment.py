@@ -4,16 +4,21 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_loop.control.closed_loop import simulate
 from bender_loop.control.metrics import StepMetrics, step_metrics
 from bender_loop.control.pid import Gains, Limits
-from bender_loop.control.plant import Plant
-from bender_loop.control.references import Step
+from bender_loop.control.plant import Plant, restart
+from bender_loop.control.references import Profile, Reference, Step
 from bender_loop.control.sampling import Sampling
-from bender_loop.control.trace import Trace
+from bender_loop.control.trace import Array, Trace
 from bender_loop.fmu.followed_model import Loop, run_following
 from bender_tuner.task.following import Following
+
+_SAME_S = 1e-9
+_DOWN = 0.5
+"""Part of the way up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +55,27 @@ class StepExperiment:
 
     def run(self, gains: Gains, following: Following | None = None) -> Trace:
         """The step response with `gains`, of the PID block alone or in a model-following controller."""
+        return self._run(Step(self.setpoint_um), self.duration_s, gains, following)
+
+    def overshoot_up_and_down_percent(self, gains: Gains, following: Following | None = None) -> float:
+        """The largest overshoot on the way up, half of it down, and up again, of the way up; inf for a runaway.
+
+        A plant with a memory, or one that is not linear, answers a step from rest as it answers no other.
+        """
+        rest_um = restart(self.plant)
+        leg_s = self.sampling.ticks(self.duration_s) * self.sampling.period_s
+        shares = (1.0, 1.0 - _DOWN, 1.0)
+        levels_um = tuple(rest_um + x * (self.setpoint_um - rest_um) for x in shares)
+        course = Profile(tuple(k * leg_s for k in range(len(shares))), levels_um)
+        trace = self._run(course, len(shares) * leg_s, gains, following)
+        found = [
+            self._metrics(_part(trace, begin_s, begin_s + leg_s), level_um).overshoot_percent
+            for begin_s, level_um in zip(course.times_s, levels_um, strict=True)
+        ]
+        return max(x * height for x, height in zip(found, (1.0, _DOWN, _DOWN), strict=True))
+
+    def _run(self, reference: Reference, duration_s: float, gains: Gains, following: Following | None) -> Trace:
         rng = np.random.default_rng(self.seed)
-        reference = Step(self.setpoint_um)
         if following is not None:
             latency, sampling = self.believed_latency_frames, self.sampling
             loop = Loop(
@@ -62,7 +86,7 @@ class StepExperiment:
                 tuple(sampling.exposure_weights().tolist()),
             )
             return run_following(
-                self.plant, following.model, following.fmu, gains, loop, reference, sampling, self.duration_s, rng
+                self.plant, following.model, following.fmu, gains, loop, reference, sampling, duration_s, rng
             )
         return simulate(
             self.plant,
@@ -70,14 +94,17 @@ class StepExperiment:
             self.limits,
             reference,
             self.sampling,
-            self.duration_s,
+            duration_s,
             rng,
             slew_V_per_s=self.slew_V_per_s,
         )
 
     def metrics(self, trace: Trace) -> StepMetrics:
         """Figures of a trace of this experiment, between the frames too where the trace shows it."""
-        return step_metrics(trace, self.setpoint_um, intersample=self.sampling.substeps > 1)
+        return self._metrics(trace, self.setpoint_um)
+
+    def _metrics(self, trace: Trace, setpoint_um: float) -> StepMetrics:
+        return step_metrics(trace, setpoint_um, intersample=self.sampling.substeps > 1)
 
     def with_plant(self, plant: Plant, latency_frames: int) -> "StepExperiment":
         """The same step on another plant and with another latency, of which a controller knows nothing."""
@@ -87,3 +114,20 @@ class StepExperiment:
             sampling=replace(self.sampling, latency_frames=latency_frames),
             believed_latency_frames=self.sampling.latency_frames,
         )
+
+
+def _part(trace: Trace, begin_s: float, end_s: float) -> Trace:
+    """A part of a trace; the whole of one that has diverged, which tells no more than that."""
+    if trace.diverged:
+        return trace
+    rows = _within(trace.time_s, begin_s, end_s)
+    names = "time_s", "setpoint_um", "measured_um", "displacement_um", "voltage_V"
+    part = replace(trace, **{x: getattr(trace, x)[rows] for x in names})
+    if trace.fine_time_s is None or trace.fine_displacement_um is None:
+        return part
+    rows = _within(trace.fine_time_s, begin_s, end_s)
+    return replace(part, fine_time_s=trace.fine_time_s[rows], fine_displacement_um=trace.fine_displacement_um[rows])
+
+
+def _within(time_s: Array, begin_s: float, end_s: float) -> NDArray[np.bool_]:
+    return (time_s >= begin_s - _SAME_S) & (time_s <= end_s + _SAME_S)

@@ -9,15 +9,16 @@ from bender_loop.control.sampling import Sampling
 from bender_loop.control.shaper import rise_in
 from bender_loop.fmu.followed_model import FollowedModel
 
-RISE_TICKS = (1, 2, 3, 4, 6, 10)
+RISE_TICKS = (1, 2, 3, 4, 5, 6, 8, 10)
 """A step of the set-point may take so many samples."""
 HORIZON_TICKS, MOST_TICKS = (1, 2), 64
-LONGER_RISES = (1, 2, 4)
+LONGER_RISES = (1, 1.5, 2, 3, 4)
 """The same in horizons, where those are longer."""
-SAME_WITHIN = 1.05
-"""Of the best value: the objective is ruled by the cases with a wrong gain, which no shaper helps."""
-NEARLY = 1.03
-"""Of the least rms on the nominal plant, most of which the dead time costs whatever the shaper."""
+AS_SAFE = 1.1
+"""Up to so many times the least objective a candidate counts as good: the cases with a wrong gain rule the objective,
+which no shaper helps, and where the search for gains has ended moves it by some hundredths."""
+AS_NEAR = 1.01
+"""Up to so many times the least rms a calmer candidate is taken."""
 TOLERANCE_SHARE = 1e-4
 """Of the set-point: how near the inverse comes."""
 
@@ -77,25 +78,30 @@ class Scored:
 
 
 def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
-    """Return the calmest that is nearly as good as the best, on the ensemble and on the nominal plant.
+    """Return the one that is nearest to the set-point of all that are good; None where nothing is.
 
-    The shortest horizon comes first, for it leaves the least to a command that is held longer than it will be, then the
-    slowest shaper. A known reference is not shaped and moves between the samples, and a command that is meant to be
-    held over several of them is ahead of it: for it the shortest horizon is kept with which any shaper keeps the
-    bounds and is worth having. None where no candidate does.
+    Good is what keeps the bounds, is better than the PID block alone, and is as safe as the best. Of the good ones the
+    quickest on the nominal plant is taken, without what the noise of models and gains would decide: over the objective
+    alone shapers differ by less than that, while a slow one costs a tenth of the rms. Where others are as near, the
+    calmest of them is: the shortest horizon comes first, for it leaves the least to a command that is held longer than
+    it will be, then the slowest shaper.
+
+    A known reference is not shaped and moves between the samples, and a command that is meant to be held over several
+    of them is ahead of it: for it the shortest horizon is kept with which any shaper keeps the bounds and is worth
+    having.
 
     Args:
         scored: all that was tried.
         plain: value of the PID block alone.
     """
-    fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value)]
-    lowest = min((x.value for x in fit), default=math.inf)
-    good = [x for x in fit if x.value <= SAME_WITHIN * lowest]
-    least_um = min((x.nominal_rms_um for x in good), default=math.inf)
-    near = [x for x in good if x.nominal_rms_um <= NEARLY * least_um]
-    best = min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
-    if best is None:
+    fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value) and x.value < plain]
+    if not fit:
         return None
-    known = min((x.following.model.horizon_ticks for x in fit if x.value < plain), default=0)
+    most = AS_SAFE * min(x.value for x in fit)
+    good = [x for x in fit if x.value <= most]
+    least_um = min(x.nominal_rms_um for x in good)
+    near = [x for x in good if x.nominal_rms_um <= AS_NEAR * least_um]
+    best = min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s))
+    known = min(x.following.model.horizon_ticks for x in fit)
     model = replace(best.following.model, preview_horizon_ticks=known)
     return replace(best, following=replace(best.following, model=model))

@@ -193,6 +193,12 @@ class PractitionerObjective:
             settling_time_s=settling_time_s,
         )
 
+    def keeps_overshoot(self, gains: Gains, following: Following) -> bool:
+        """Return whether every nominal case keeps the bound on its overshoot up, down and up again."""
+        bound = 100.0 * self.priorities.overshoot_bound
+        runs = (self._runs[k] for k in self._expected)
+        return all(x.overshoot_up_and_down_percent(gains, following) <= bound for x in runs)
+
     def _asked(
         self, gains: Gains, worst_peak: float, overshoot_percent: float, settling_time_s: float
     ) -> dict[str, tuple[float, float, float]]:

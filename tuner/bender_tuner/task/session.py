@@ -376,16 +376,18 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         for count, following in enumerate(tried, start=1):
             found = problem.practitioner.evaluate(gains, following)
             rms_um = math.sqrt(found.nominal.metrics.mse_um2)
-            scored.append(Scored(following, found.value, rms_um, found.bounds_kept))
+            kept = found.bounds_kept and problem.practitioner.keeps_overshoot(gains, following)
+            scored.append(Scored(following, found.value, rms_um, kept))
             report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
         best = choose(scored, plain)
-        if best is not None and best.value < plain:
+        if best is not None:
             break
-    if best is None or best.value >= plain:
+    if best is None:
+        kept = [x.value for x in scored if x.bounds_kept]
         session.following_note = "model following is not recommended: " + (
-            "no shaper and horizon keeps the bounds"
-            if best is None
-            else f"objective {best.value:.4g} at best, {plain:.4g} of the PID block alone"
+            f"objective {min(kept):.4g} at best, {plain:.4g} of the PID block alone"
+            if kept
+            else "no shaper and horizon keeps the bounds"
         )
         return
     session.following = best.following
