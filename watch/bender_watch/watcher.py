@@ -20,6 +20,7 @@ from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.alarm.suspects import compared
+from bender_watch.baseline.beginning import AMPLITUDE, COUNT, fitted, whitened_rows
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
 from bender_watch.follow.rows import Rows
@@ -49,8 +50,12 @@ NEARER, FAR = 0.5, 6.0
 """By how much the first reading is nearer to rest than to the first command, and how far from that in noise."""
 FEWEST_TO_LEARN = 256
 """Judged rows since a change from which it is learned what is normal now."""
-MEDIAN_TO_MEAN = 0.5 * np.pi
-"""Variance of the median of normal readings over that of their mean."""
+ANY_LEVEL = 1e6
+"""Deviations of the noise by which the level of a record that began in motion may lie anywhere."""
+LEFT_BY_A_PAST = 0.3
+"""Part of a first reading beyond rest that what came before must be able to add, to be why."""
+UNKNOWNS = 1 + COUNT
+"""Columns that are not known of a record: its level, and what came before it."""
 BACK = 8
 """Times the rows of an exceedance that its beginning is sought in."""
 
@@ -67,12 +72,13 @@ class _Pending:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Block:
-    """Rows beside what is expected of them; `gaps` has `GAP` for a row behind one."""
+    """Rows beside what is expected of them; `columns_um` is not known of a record, `gaps` has `GAP` behind a gap."""
 
     rows: Rows
     expected_um: Array
     signatures_um: Array
     residual_um: Array
+    columns_um: Array
     spread: Array
     beyond: NDArray[np.bool_]
     gaps: NDArray[np.int64]
@@ -81,7 +87,7 @@ class _Block:
         """Return some of the rows."""
         return _Block(
             self.rows.part(where), self.expected_um[where], self.signatures_um[where], self.residual_um[where],
-            self.spread[where], self.beyond[where], self.gaps[where],
+            self.columns_um[where], self.spread[where], self.beyond[where], self.gaps[where],
         )  # fmt: skip
 
 
@@ -119,36 +125,52 @@ class Watcher:
     _pending: _Pending | None = field(default=None, init=False)
     _last: tuple[float, float] | None = field(default=None, init=False)
     _unjudged: int = field(default=0, init=False)
-    _zeroing: bool = field(default=False, init=False)
     _is_outside: bool = field(default=False, init=False)
     _inside: int = field(default=0, init=False)
     _told: set[str] = field(default_factory=set, init=False)
-    _level_um: float = field(default=0.0, init=False)
-    _level_doubt: tuple[float, float] = field(default=(0.0, 0.0), init=False)
+    _opening: Array = field(init=False)
+    _deviations: Array = field(default_factory=lambda: np.zeros(UNKNOWNS), init=False)
     _moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.lane, self.trends, self._moved = Lane(), Trends(), np.zeros(2)
-        self._take_baseline(self.baseline)
+        self._take_baseline(self.baseline, 0.0)
 
-    def _take_baseline(self, baseline: Baseline) -> None:
-        self.baseline = baseline
-        self.detector, self._level_doubt = Detector(baseline.noise, baseline.tests), (0.0, 0.0)
+    def _take_baseline(self, baseline: Baseline, level_um: float) -> None:
+        self.baseline, self._opening = baseline, np.zeros((0, 3 + UNKNOWNS))
+        self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS)
+        self.detector.take_known(np.append(level_um, baseline.past), np.zeros((UNKNOWNS, UNKNOWNS)))
         self.history = History(len(baseline.tests.names))
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""
         rest = starts_at_rest(first.voltage_V[:2]) or self._reads_rest(first.part(slice(0, 1)))
-        time_s = float(first.time_s[0])
-        self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
-        # as many rows as it settles in tell the level of one that began in motion
-        self._last, self._unjudged = None, 2 * settling_rows(rest, self.baseline.rows)
-        self._zeroing = not rest
-        self._level_um = 0.0
+        time_s, voltage_V = float(first.time_s[0]), float(first.voltage_V[0])
+        stood = rest and not self._moved_before(first.part(slice(0, 1)))
+        for begun in (self.baseline.expectation, self.baseline.beginning):
+            begun.begin(time_s, voltage_V, rest=rest)
+        settling = settling_rows(stood, self.baseline.rows)
+        self._last, self._opening = None, np.zeros((0, 3 + UNKNOWNS))
+        # nobody looks at the past of an FMU: its course is over before its level is looked at
+        self._unjudged = settling if self.model is not None else 2 * settling
         self.history.clear()
         self.detector.reset()
-        self._doubt_level(0.0, 0.0)
+        self._deviations = np.append(0.0 if rest else ANY_LEVEL * self.baseline.noise_um, np.full(COUNT, AMPLITUDE))
+        self.detector.take_known(
+            np.zeros(UNKNOWNS), np.diag(self._deviations**2) if stood else np.zeros((UNKNOWNS, UNKNOWNS))
+        )
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
+
+    def _moved_before(self, first: Rows) -> bool:
+        """Return whether a record that begins at 0 V reads what only a motion shortly before it can have left."""
+        base = self.baseline
+        for begun in (base.expectation, base.beginning):
+            begun.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=True)
+        expected, _ = base.expectation.advance(first.time_s, first.voltage_V, first.command_time_s)
+        left = float(np.max(np.abs(base.beginning.advance(first.time_s, first.voltage_V, first.command_time_s))))
+        off = abs(float(base.residual_um(first.displacement_um, expected)[0]))
+        noticed = FAR * base.noise_um
+        return left > noticed if np.isnan(off) else off > noticed and left > LEFT_BY_A_PAST * off
 
     def _reads_rest(self, first: Rows) -> bool:
         """Return whether the first reading is that of a device at rest, whose first command acts behind it."""
@@ -192,18 +214,18 @@ class Watcher:
         facts = {
             "model": None if self.model is None else self.model.to_table(),
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
-            "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
+            "last": self._last, "unjudged": self._unjudged, "is_outside": self._is_outside,
             "inside": self._inside,
-            "told": sorted(self._told), "trends": self.trends.state(), "level_um": self._level_um,
-            "moved": self._moved.tolist(), "level_doubt": self._level_doubt,
+            "told": sorted(self._told), "trends": self.trends.state(), "moved": self._moved.tolist(),
+            "deviations": self._deviations.tolist(),
             "offset_um": self.baseline.offset_um, "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
             if pending is None
             else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows],
-            "expectation": self.baseline.expectation.state(),
+            "expectation": self.baseline.expectation.state(), "beginning": self.baseline.beginning.state(),
         }  # fmt: skip
-        arrays: dict[str, NDArray[Any]] = {"history": self.history.table}
+        arrays: dict[str, NDArray[Any]] = {"history": self.history.table, "opening": self._opening}
         arrays |= {f"training.{name}": values for name, values in self.training.columns().items()}
         arrays |= {f"detector.{name}": values for name, values in self.detector.state().items()}
         lane = self.lane.state()
@@ -217,16 +239,17 @@ class Watcher:
         """
         self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
-        self._unjudged, self._zeroing, self._is_outside = facts["unjudged"], facts["zeroing"], facts["is_outside"]
+        self._unjudged, self._is_outside = facts["unjudged"], facts["is_outside"]
         self._inside = facts["inside"]
-        self._told, self._level_um, self._moved = set(facts["told"]), facts["level_um"], np.array(facts["moved"])
+        self._told, self._moved = set(facts["told"]), np.array(facts["moved"])
+        self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
         self.trends.restore(facts["trends"])
         self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
-        self._doubt_level(*facts["level_doubt"])
         if facts["pending"] is not None:
             event, exceedance, *rows = facts["pending"]
             self._pending = _Pending(event, Exceedance(**exceedance), *rows)
         self.baseline.expectation.restore(facts["expectation"])
+        self.baseline.beginning.restore(facts["beginning"])
         self.history.table = arrays["history"]
         own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
         self.detector.restore(own)
@@ -238,14 +261,15 @@ class Watcher:
         base = self.baseline
         try:
             expected, raw = base.expectation.advance(rows.time_s, rows.voltage_V, rows.command_time_s)
+            pasts = base.beginning.advance(rows.time_s, rows.voltage_V, rows.command_time_s)
         except ArithmeticError as error:
             raise InputError(f"row {self.rows + 1}: {error}") from None
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
         block = _Block(
             rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
-            base.spread(expected, before_um, steps), base.range.outside(rows.voltage_V, expected),
-            np.where(steps > A_GAP * base.interval_s, GAP, 0),
+            np.column_stack([np.ones(len(rows)), pasts]), base.spread(expected, before_um, steps),
+            base.range.outside(rows.voltage_V, expected), np.where(steps > A_GAP * base.interval_s, GAP, 0),
         )  # fmt: skip
         begin = 0
         while begin < len(rows) and self.baseline is base:
@@ -258,15 +282,18 @@ class Watcher:
         return min(begin, len(rows))
 
     def _stretch(self, block: "_Block") -> Iterator[Event]:
-        rows, residual = block.rows, block.residual_um - self._level_um
+        rows, residual = block.rows, block.residual_um
         kinds = block.gaps + np.where(block.beyond, NOT_JUDGED, JUDGED)
         settling = min(self._unjudged, len(rows))
         kinds[:settling] = NOT_JUDGED + block.gaps[:settling]
         yield from self._outside(rows, block.expected_um, block.beyond)
+        if settling:
+            opened = [residual, block.spread, block.gaps, block.columns_um]
+            self._opening = np.concatenate([self._opening, np.column_stack(opened)[:settling]])
         begin = 0
         while begin < len(rows):
             own = kinds if self._pending is None else np.where(kinds % GAP == JUDGED, kinds + NOT_JUDGED, kinds)
-            found = self.detector.judge(residual, block.signatures_um, own, block.spread, begin)
+            found = self.detector.judge(residual, block.signatures_um, own, block.spread, begin, block.columns_um)
             part = slice(begin, len(rows) if found.exceedance is None else found.exceedance.row + 1)
             seen = rows.part(part)
             self._remember(seen, block.expected_um[part], found.innovations[part], kinds[part], found.whitened[part])
@@ -278,8 +305,8 @@ class Watcher:
                 yield self._alarm(found.exceedance)
         self._last = (float(rows.time_s[-1]), float(block.expected_um[-1]))
         self._unjudged -= settling
-        if settling and self._unjudged == 0 and self._zeroing:
-            self._zero()
+        if settling and self._unjudged == 0:
+            self._open()
         if self.rows % STRETCH:
             return
         if self._pending is not None and self.rows - self._pending.first_row >= self._pending.rows:
@@ -333,30 +360,16 @@ class Watcher:
                 }  # fmt: skip
             self._is_outside, self._inside, begin = True, 0, k + 1
 
-    def _zero(self) -> None:
-        """Take the level of a record that began in motion from its first rows: nobody knows what was before them.
-
-        Until it has settled, what is left is the course from the unknown beginning, not the level.
-        """
-        seen = np.isfinite(self.history.column("innovation"))
-        seen[: settling_rows(False, self.baseline.rows)] = False
-        z = self.history.whitened()[seen, 0]
-        information = float(z @ z)
-        if information > 0.0:
-            residual = self.baseline.residual_um(
-                self.history.column("displacement_um")[seen], self.history.column("expected_um")[seen]
-            )
-            self._level_um = float(np.median(residual))
-            std = float(np.sqrt(MEDIAN_TO_MEAN / information))
-            self._doubt_level(std, std * float(np.mean(np.abs(z))))
+    def _open(self) -> None:
+        """Take from the first rows what nobody knew before them: the level of this record, and what came before it."""
+        rows = self._opening if self.model is not None else self._opening[len(self._opening) // 2 :]
+        residual, spread, gaps, columns = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:]
+        usable = np.isfinite(residual)
+        every = np.column_stack([residual, columns])
+        white = whitened_rows(self.baseline.noise, every, usable, spread, np.flatnonzero(gaps).tolist())[usable]
+        self.detector.take_known(*fitted(white[:, 0], white[:, 1:], self._deviations))
         self.detector.reset()
-        self.history.clear()
-        self._zeroing = False
-
-    def _doubt_level(self, std: float, per_row: float) -> None:
-        """Hold this record against tests that know its level so well only; the next one has a level of its own."""
-        self._level_doubt = (std, per_row)
-        self.detector.tests = self.baseline.tests.of_level(std, per_row)
+        self._opening = self._opening[:0]
 
     def _looked_back(self, rows: int) -> tuple[NDArray[np.int64], Array, Array]:
         """Return places in the history, innovations and whitened signatures of the last rows that were judged."""
@@ -511,11 +524,12 @@ class Watcher:
             plain = OfModel(model, linear=self.settings.linear)
             plain.begin(float(training.time_s[0]), float(training.voltage_V[0]), rest=learned.rest)
             expected = plain.advance(training.time_s, training.voltage_V, training.command_time_s)[0][first:]
-        now = learned.offset_um - self._level_um + learned.gain * expected
+        level_um = float(self.detector.amplitudes[0])
+        now = learned.offset_um - level_um + learned.gain * expected
         columns = np.column_stack([np.ones(before.size), before])
         self._moved = self._moved + np.linalg.lstsq(columns, self.baseline.residual_um(now, before), rcond=None)[0]
         self.model, self.training = model, training
-        self._take_baseline(replace(learned, offset_um=learned.offset_um - self._level_um))
+        self._take_baseline(replace(learned, offset_um=learned.offset_um - level_um), level_um)
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""

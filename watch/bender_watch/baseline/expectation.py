@@ -48,6 +48,11 @@ STOOD_S = 1000.0
 MOST_SUBSTEPS = 2e6
 
 
+def stood_s(stream: Stream) -> float:
+    """Return how long a device that is met in motion is taken to have stood."""
+    return min(STOOD_S, MOST_SUBSTEPS * stream.bounds.longest_s)
+
+
 @dataclass(slots=True)
 class OfModel:
     """A model, and variants of it with a small effect each.
@@ -79,11 +84,10 @@ class OfModel:
     def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
         """Begin a record."""
         for stream in (self._own, *(x for x, _ in self._beside)):
-            stood_s = min(STOOD_S, MOST_SUBSTEPS * stream.bounds.longest_s)
             if rest:
                 stream.begin()
             else:
-                stream.begin(time_s - stood_s, voltage_V)
+                stream.begin(time_s - stood_s(stream), voltage_V)
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
         """Return the expected readings (n,) and what each variant reads beyond the model (n, j)."""

@@ -13,6 +13,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import clearly_better, starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model, model_from_table
+from bender_watch.baseline.beginning import AMPLITUDE, COUNT, Beginning
 from bender_watch.baseline.candidates import candidates
 from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
@@ -106,6 +107,8 @@ class Baseline:
         rows: of it.
         raised: tests whose thresholds the training record itself has raised.
         rest: whether the training record begins at rest.
+        beginning: what came before a record; here at the end of the training record.
+        past: (COUNT,) amplitudes of what came before the training record.
         grows_only: (j,) signatures of effects that are there or not, with one sign only.
     """
 
@@ -123,6 +126,8 @@ class Baseline:
     raised: tuple[str, ...]
     rest: bool
     grows_only: NDArray[np.bool_]
+    beginning: Beginning
+    past: Array
 
     @property
     def signatures(self) -> Signatures:
@@ -213,8 +218,9 @@ def learn(
     rest, (expected, raw) = _begun(plain, record)
     read = usable.copy()
     usable[: settling_rows(rest, len(record))] = False
-    gain, offset = _calibration(expected, record.displacement_um, usable)
-    residual = record.displacement_um - offset - gain * expected
+    beginning, pasts = _pasts(model if isinstance(model, Model) else None, record, linear=linear, rest=rest)
+    gain, offset, past = _calibration(expected, record.displacement_um, usable, pasts)
+    residual = record.displacement_um - offset - gain * expected - pasts @ past
     noise, kept, spread, jitter_s = _noise(record, expected, residual, usable)
     white = _Whitened(noise, kept, spread)
     full, groups, one_sided = plain, [Group(k, (x,)) for k, x in enumerate(("offset", "gain_error", *OF_FMU))], []
@@ -230,7 +236,7 @@ def learn(
         raw = _driven(full, record, rest)[1]
     shapes = np.column_stack([np.ones(expected.size), expected, raw])
     sizes = np.sqrt(np.mean(shapes[kept] ** 2, axis=0))
-    noise_um = float(noise.spreads_um[0])
+    beginning.least_um = noise_um = float(noise.spreads_um[0])
     scales = np.where(sizes > 0.0, noise_um / np.where(sizes > 0.0, sizes, 1.0), 0.0)
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
@@ -239,7 +245,7 @@ def learn(
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
         jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
-        np.array(only or [False] * len(titles)),
+        np.array(only or [False] * len(titles)), beginning, past,
     )  # fmt: skip
     tell("holding the tests against the training record itself")
     return _quiet_on_training(baseline, residual, shapes * scales, usable, spread)
@@ -326,17 +332,30 @@ def _driven(expectation: Expectation, record: Record, rest: bool) -> tuple[Array
     return expectation.advance(record.time_s, record.voltage_V, record.command_time_s)
 
 
-def _calibration(expected: Array, measured: Array, usable: Mask) -> tuple[float, float]:
-    """Return gain and offset of the reading by least squares, outlying rows set aside."""
+def _pasts(model: Model | None, record: Record, *, linear: bool, rest: bool) -> tuple[Beginning, Array]:
+    """Return the beginning of a record, driven to its end, and what each past adds to its readings (n, COUNT)."""
+    range_V = (float(np.min(record.voltage_V)), float(np.max(record.voltage_V)))
+    beginning = Beginning(model, linear, range_V, 0.0, float(np.median(np.diff(record.time_s))))
+    beginning.begin(float(record.time_s[0]), float(record.voltage_V[0]), rest=rest)
+    return beginning, beginning.advance(record.time_s, record.voltage_V, record.command_time_s)
+
+
+def _calibration(expected: Array, measured: Array, usable: Mask, pasts: Array) -> tuple[float, float, Array]:
+    """Return gain and offset of the reading by least squares and the amplitudes of the pasts, outlying rows set aside.
+
+    The amplitudes of the pasts are known beforehand to be about 1.
+    """
     kept = usable.copy()
-    gain, offset = 1.0, 0.0
+    beforehand = np.column_stack([np.zeros((COUNT, 2)), np.eye(COUNT) / AMPLITUDE])
+    found, spread = np.zeros(2 + COUNT), 0.0
     for _ in range(5):
-        columns = np.column_stack([expected[kept], np.ones(int(kept.sum()))])
-        (gain, offset), *_ = np.linalg.lstsq(columns, measured[kept], rcond=None)
-        left = np.where(usable, measured - gain * expected - offset, 0.0)
+        columns = np.column_stack([expected[kept], np.ones(int(kept.sum())), pasts[kept]])
+        own = np.concatenate([columns, max(spread, 1e-9) * beforehand])
+        found = np.linalg.lstsq(own, np.append(measured[kept], np.zeros(COUNT)), rcond=None)[0]
+        left = np.where(usable, measured - np.column_stack([expected, np.ones(expected.size), pasts]) @ found, 0.0)
         spread = 1.4826 * float(np.median(np.abs(left[kept])))
         kept = usable & (np.abs(left) <= 6.0 * spread + 1e-12)
-    return float(gain), float(offset)
+    return float(found[0]), float(found[1]), found[2:]
 
 
 def _jitter_s(e: Array, rate_um_per_s: Array, noise: Noise) -> float:

@@ -42,10 +42,6 @@ class Noise:
     spreads_um: Array
 
 
-CERTAIN = 3.0
-"""Deviations by which a level may be off."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Tests:
     """What is tested, and where it alarms.
@@ -78,21 +74,6 @@ class Tests:
     def scaled(self, factor: float) -> "Tests":
         """Return the same tests with all thresholds so many times as large."""
         return replace(self, cusum_limits=factor * self.cusum_limits, glr_limits=factor * self.glr_limits)
-
-    def of_level(self, std: float, per_row: float) -> "Tests":
-        """Return the tests for a record whose level is not quite known.
-
-        The threshold of a cumulative sum grows as the drift that holds it down shrinks (Siegmund 1985, section 2.6).
-
-        Args:
-            std: deviation of the level, as an amplitude of the first signature.
-            per_row: what that moves a row by, in deviations of the noise.
-        """
-        drift = max(LEVEL_REFERENCE - CERTAIN * per_row, 0.0)
-        factor = LEVEL_REFERENCE / drift if drift > 0.0 else np.inf
-        allowances = self.allowances.copy()
-        allowances[0] = np.hypot(allowances[0], std)
-        return replace(self, allowances=allowances, cusum_limits=self.cusum_limits * [factor, factor, 1.0, 1.0])
 
 
 def make_tests(
@@ -184,10 +165,12 @@ class Detector:
     Attributes:
         noise: of the training record.
         tests: what is tested.
+        unknowns: columns that are not known of a record.
     """
 
     noise: Noise
     tests: Tests
+    unknowns: int = 0
     _arrays: dict[str, NDArray[Any]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -195,13 +178,14 @@ class Detector:
         self._arrays = {
             "past": np.zeros(order),
             "past_signatures": np.zeros((size - len(COLOURS), order)),
+            "past_columns": np.zeros((self.unknowns, order)),
+            "amplitudes": np.zeros(self.unknowns),
+            "covariance": np.zeros((self.unknowns, self.unknowns)),
             "counts": np.zeros(3, np.int64),
             "sums": np.zeros(size),
             "informations": np.zeros(size),
-            "with_level": np.zeros(size),
             "ring_sums": np.zeros((LEVELS, PLACES, size)),
             "ring_informations": np.zeros((LEVELS, PLACES, size)),
-            "ring_with_level": np.zeros((LEVELS, PLACES, size)),
             "ring_filled": np.zeros(LEVELS, np.int64),
             "cusums": np.zeros(len(CUSUMS)),
             "cusum_since": np.zeros(len(CUSUMS), np.int64),
@@ -210,13 +194,24 @@ class Detector:
 
     def reset(self) -> None:
         """Forget what speaks for a change; the past that foretells the next row stays."""
-        for name in ("sums", "informations", "with_level", "ring_filled", "cusums", "cusum_since"):
+        for name in ("sums", "informations", "ring_filled", "cusums", "cusum_since"):
             self._arrays[name][:] = 0
         self._arrays["counts"][1] = 0
 
+    @property
+    def amplitudes(self) -> Array:
+        """What is known of the columns (unknowns,)."""
+        return self._arrays["amplitudes"]
+
+    def take_known(self, amplitudes: Array, covariance: Array) -> None:
+        """Begin with what is known of the columns; what was read before foretells nothing."""
+        self._arrays["amplitudes"][:], self._arrays["covariance"][:] = amplitudes, covariance
+        self._arrays["counts"][0] = self._arrays["counts"][2] = 0
+
     def judge(
-        self, residual_um: Array, signatures_um: Array, kinds: NDArray[np.int64], spread: Array, begin: int = 0
-    ) -> Judged:
+        self, residual_um: Array, signatures_um: Array, kinds: NDArray[np.int64], spread: Array, begin: int = 0,
+        columns_um: Array | None = None,
+    ) -> Judged:  # fmt: skip
         """Take rows until a test exceeds its threshold, or all.
 
         Args:
@@ -225,16 +220,18 @@ class Detector:
             kinds: (n,) `JUDGED` or `NOT_JUDGED`, plus `GAP` behind a gap.
             spread: (n,) factor on the deviation of the noise, 1 where it is as ever.
             begin: first row that is taken.
+            columns_um: (n, unknowns) what an amplitude of 1 of each adds to the residual; None for nothing.
         """
         rows, size = residual_um.size, len(self.tests.names)
         innovations, whitened, tops = np.full(rows, np.nan), np.zeros((rows, size)), np.zeros(rows)
         x, tests = self._arrays, self.tests
         before = int(x["counts"][1])
+        columns = np.zeros((rows, self.unknowns)) if columns_um is None else columns_um
         row = detector_run()(
-            begin, residual_um, signatures_um, kinds, spread, self.noise.coefficients, self.noise.spreads_um, x["past"],
-            x["past_signatures"], x["counts"], CLIP, QUIET_CLIP, x["sums"], x["informations"], x["with_level"],
-            x["ring_sums"], x["ring_informations"], x["ring_with_level"], x["ring_filled"], x["cusums"],
-            x["cusum_since"], tests.allowances, tests.inflations, tests.one_sided, tests.cusum_limits,
+            begin, residual_um, signatures_um, columns, kinds, spread, self.noise.coefficients, self.noise.spreads_um,
+            x["past"], x["past_signatures"], x["past_columns"], x["amplitudes"], x["covariance"], x["counts"], CLIP,
+            QUIET_CLIP, x["sums"], x["informations"], x["ring_sums"], x["ring_informations"], x["ring_filled"],
+            x["cusums"], x["cusum_since"], tests.allowances, tests.inflations, tests.one_sided, tests.cusum_limits,
             tests.glr_limits, innovations, whitened, tops, x["alarm"],
         )  # fmt: skip
         judged = int(x["counts"][1]) - before

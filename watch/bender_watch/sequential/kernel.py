@@ -8,12 +8,14 @@ Tests, on every row that counts:
 
     CUSUM of level      S = max(0, S + e - 1/2), and for -e
     CUSUM of variance   S = max(0, S + min(e^2, c^2) - k) for a doubled one, and the mirrored one for a quarter
-    GLR of signature j  (sum z_j e)^2 / (sum z_j^2 (1 + tau_j^2 sum z_j^2) + tau_0^2 (sum z_j z_0)^2)
-                        over the last 3 to 7 times 2^i rows
+    GLR of signature j  (sum z_j e)^2 / (sum z_j^2 (1 + tau_j^2 sum z_j^2))   over the last 3 to 7 times 2^i rows
 
-where tau_j is how far the amplitude of signature j goes astray while nothing has changed, and signature 0 is the level:
-a level that is not known moves the score of every signature that is not orthogonal to it. Windows of length w end at
-multiples of a fourth of w: sums at these places are all that is remembered.
+where tau_j is how far the amplitude of signature j goes astray on the training record itself. Windows of length w end
+at multiples of a fourth of w: sums at these places are all that is remembered.
+
+What is not known of a record (its level, what came before it) is a regression on known columns u_k beside the noise: e
+is its recursive residual (Brown, Durbin and Evans, JRSS B 37, 1975), (e - u a) / sqrt(1 + u P u) with the estimate a of
+the rows before and its covariance P, and white of unit variance whatever the amplitudes are.
 """
 
 from collections.abc import Callable
@@ -60,27 +62,41 @@ def cusum_step(total: float, score: float) -> float:
     return max(0.0, total + score)
 
 
-def window_variance(information: float, allowance: float, inflation: float, with_level: float) -> float:
-    """Return the variance of the score over a window while nothing has changed.
+def window_variance(information: float, allowance: float, inflation: float) -> float:
+    """Return the variance of the score over a window while nothing has changed, by its information."""
+    return inflation * information * (1.0 + allowance * allowance * information)
 
-    Args:
-        information: sum of the squares of the signature.
-        allowance: how far its amplitude goes astray.
-        inflation: of the variance, for a noise that is not quite known.
-        with_level: sum of its products with the level, times how far that goes astray; 0 for the level itself.
-    """
-    return inflation * information * (1.0 + allowance * allowance * information) + with_level * with_level
+
+def project(covariance: Any, column: Any, found: Any) -> float:
+    """Put the product of a covariance with a column into `found`; return that with the column once more."""
+    total = 0.0
+    for i in range(len(column)):
+        found[i] = 0.0
+        for j in range(len(column)):
+            found[i] += covariance[i, j] * column[j]
+        total += column[i] * found[i]
+    return total
+
+
+def learn_unknown(amplitudes: Any, covariance: Any, projected: Any, wide: float, score: float) -> float:
+    """Take a row of a regression: `wide` is the deviation of what was foretold of it, `score` what it was off by."""
+    for i in range(len(amplitudes)):
+        amplitudes[i] += projected[i] * score / wide
+        for j in range(len(amplitudes)):
+            covariance[i, j] -= projected[i] * projected[j] / (wide * wide)
+    return score
 
 
 _RUN = """
 @njit(cache=True, nogil=True)
 def run(
-    begin, residual, signatures, state_of_row, spread_of_row, coefficients, spreads, past, past_signatures, counts,
-    clip, quiet_clip, sums, informations, with_level, ring_sums, ring_informations, ring_with_level, ring_filled,
-    cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits, innovations, whitened, tops,
-    alarm,
+    begin, residual, signatures, columns, state_of_row, spread_of_row, coefficients, spreads, past, past_signatures,
+    past_columns, amplitudes, covariance, counts, clip, quiet_clip, sums, informations, ring_sums, ring_informations,
+    ring_filled, cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits, innovations,
+    whitened, tops, alarm,
 ):
-    rows, size = residual.size, signatures.shape[1]
+    rows, size, unknowns = residual.size, signatures.shape[1], columns.shape[1]
+    u, projected = np.zeros(unknowns), np.zeros(unknowns)
     order = past.size
     levels, places = ring_filled.size, ring_sums.shape[1]
     for k in range(begin, rows):
@@ -97,16 +113,22 @@ def run(
         seen = counts[0]
         spread = spreads[seen] * spread_of_row[k]
         expected = whiten(coefficients, past, seen)
-        e = (residual[k] - expected) / spread
+        known = 0.0
+        for j in range(unknowns):
+            u[j] = (columns[k, j] - whiten(coefficients, past_columns[j], seen)) / spread
+            remember(past_columns[j], columns[k, j])
+            known += u[j] * amplitudes[j]
+        wide = math.sqrt(1.0 + max(project(covariance, u, projected), 0.0))
+        e = ((residual[k] - expected) / spread - known) / wide
         score = min(max(e, -clip), clip)
         for j in range(size):
-            z = (signatures[k, j] - whiten(coefficients, past_signatures[j], seen)) / spread
+            z = (signatures[k, j] - whiten(coefficients, past_signatures[j], seen)) / (spread * wide)
             whitened[k, j] = z
             remember(past_signatures[j], signatures[k, j])
         for j in range(size, whitened.shape[1]):
             lag = j - size
             whitened[k, j] = alarm[8 + lag] if counts[2] > lag else 0.0
-        remember(past, expected + score * spread)
+        remember(past, expected + (known + score * wide) * spread)
         counts[0] = min(seen + 1, order)
         innovations[k] = e
         for lag in range(whitened.shape[1] - size - 1, 0, -1):
@@ -115,6 +137,7 @@ def run(
         counts[2] = min(counts[2] + 1, 8)
         if state % GAP != 0:
             continue
+        learn_unknown(amplitudes, covariance, projected, wide, score)
         counts[1] += 1
         n = counts[1]
         top, which, length, value = 0.0, -1, 0, 0.0
@@ -138,8 +161,6 @@ def run(
             z = whitened[k, j]
             sums[j] += z * score
             informations[j] += z * z
-            if j:
-                with_level[j] += z * whitened[k, 0]
         step = 1
         for level in range(levels):
             if n % step:
@@ -158,8 +179,7 @@ def run(
                     # what the sums over all rows have lost is no knowledge of these
                     if information <= FAINT * (abs(informations[j]) + abs(ring_informations[level, place, j])):
                         continue
-                    products = with_level[j] - ring_with_level[level, place, j]
-                    variance = window_variance(information, allowances[j], inflations[j], allowances[0] * products)
+                    variance = window_variance(information, allowances[j], inflations[j])
                     limit = glr_limits[j]
                     # no division: it takes as long as all the rest, and almost no window leads
                     if score_j * score_j > top * top * limit * limit * variance:
@@ -169,7 +189,6 @@ def run(
             for j in range(whitened.shape[1]):
                 ring_sums[level, place, j] = sums[j]
                 ring_informations[level, place, j] = informations[j]
-                ring_with_level[level, place, j] = with_level[j]
             ring_filled[level] = filled + 1
             step *= 2
         if n % REBASED == 0:
@@ -178,8 +197,7 @@ def run(
                     for place in range(places):
                         ring_sums[level, place, j] -= sums[j]
                         ring_informations[level, place, j] -= informations[j]
-                        ring_with_level[level, place, j] -= with_level[j]
-                sums[j], informations[j], with_level[j] = 0.0, 0.0, 0.0
+                sums[j], informations[j] = 0.0, 0.0
         tops[k] = top
         if top >= 1.0:
             alarm[0], alarm[1], alarm[2], alarm[3] = k, which, length, value
@@ -196,5 +214,5 @@ def detector_run() -> Callable[..., int]:
         "QUIET_REFERENCE": QUIET_REFERENCE, "FAINT": FAINT, "REBASED": REBASED,
     }  # fmt: skip
     head = "\n".join(f"{name} = {value!r}" for name, value in numbers.items())
-    text = sources([whiten, remember, cusum_step, window_variance])
+    text = sources([whiten, remember, cusum_step, window_variance, project, learn_unknown])
     return generated("watch", f"{text}\n\n{head}\n{_RUN}").run

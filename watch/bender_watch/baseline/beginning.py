@@ -1,0 +1,149 @@
+"""What came before the first row of a record, and what that may still add to its readings.
+
+A device remembers: eq. (30) for a second or two, creep for minutes, play until it is swept again. The expectation has
+stood at the first command for long. Here the model sets out from other pasts: from either end of the range up to the
+first row, and from the further end up to 8, 64 and 512 rows before it. What each reads beyond the expectation is a
+column, and a past that nobody knows is taken for a sum of them with amplitudes of about 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_compiled.stream import Stream
+from bender_plant.model import Model
+from bender_watch.baseline.candidates import COARSER
+from bender_watch.baseline.expectation import stood_s
+from bender_watch.baseline.noise import innovations
+from bender_watch.sequential.detector import CLIP, Noise
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BEFORE = (0, 8, 64, 512)
+"""Rows before the first one up to which the device stood at the further end of its range."""
+COUNT = len(BEFORE) + 1
+AMPLITUDE = 1.0
+"""Deviation of the amplitude of a past."""
+FADED, FADED_ROWS = 1e-3, 256
+"""Of the noise: a past that adds less over so many rows is forgotten."""
+KNOWN = 1e-9
+"""Deviation of an amplitude that is known beforehand."""
+ROUNDS = 8
+"""Of setting rows aside and fitting again."""
+
+
+@dataclass(slots=True)
+class Beginning:
+    """The pasts of a record, row by row.
+
+    Attributes:
+        model: of the device; None for an FMU, whose past is not looked at.
+        linear: the command runs straight from row to row.
+        range_V: commands that the device has seen.
+        least_um: what matters.
+        interval_s: from row to row.
+    """
+
+    model: Model | None
+    linear: bool
+    range_V: tuple[float, float]
+    least_um: float
+    interval_s: float
+    _streams: list[Stream] = field(default_factory=list[Stream], init=False)
+    _quiet: int = field(default=0, init=False)
+
+    def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
+        """Begin a record."""
+        self._streams, self._quiet = self._made(), 0
+        if not self._streams:
+            return
+        low, high = self.range_V
+        far, near = (high, low) if voltage_V - low < high - voltage_V else (low, high)
+        own, *others = self._streams
+        if not rest:
+            own.begin(time_s - stood_s(own), voltage_V)
+        for stream, end, rows in zip(others, (near, *[far] * len(BEFORE)), (0, *BEFORE), strict=True):
+            until_s = time_s - rows * self.interval_s
+            stream.begin(until_s - stood_s(own), end)
+            if rows:
+                stream.advance(np.array([until_s]), np.array([voltage_V]))
+
+    def _made(self) -> list[Stream]:
+        if self.model is None:
+            return []
+        return [Stream((self.model,), self.linear, COARSER) for _ in range(COUNT + 1)]
+
+    def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
+        """Return what each past adds to the readings (n, `COUNT`) in um, 0 from where all have faded."""
+        if not self._streams:
+            return np.zeros((time_s.size, COUNT))
+        own, *others = (x.advance(time_s, voltage_V, command_time_s)[0] for x in self._streams)
+        added = np.column_stack(others) - own[:, None]
+        rows = np.arange(time_s.size)
+        loud = np.max(np.abs(added), axis=1) > FADED * self.least_um
+        quiet = rows - np.maximum.accumulate(np.where(loud, rows, -1 - self._quiet))
+        faded = int(np.argmax(quiet > FADED_ROWS)) if np.any(quiet > FADED_ROWS) else time_s.size
+        added[faded:] = 0.0
+        if faded < time_s.size:
+            self._streams = []
+        self._quiet = int(quiet[-1])
+        return added
+
+    def state(self) -> Any:
+        """Return what is remembered, as JSON can hold it."""
+        return [self._quiet, [x.state() for x in self._streams]]
+
+    def restore(self, state: Any) -> None:
+        """Go on from a state."""
+        self._quiet, own = state
+        self._streams = self._made() if own else []
+        for stream, known in zip(self._streams, own, strict=True):
+            stream.restore(known)
+
+
+def whitened_rows(noise: Noise, columns: Array, usable: Mask, spread: Array, gaps: Sequence[int]) -> Array:
+    """Return columns (n, j) behind the filter of the noise, NaN where a row does not count.
+
+    Args:
+        noise: of the filter.
+        columns: (n, j) in um.
+        usable: (n,) rows that count.
+        spread: (n,) factor on the deviation.
+        gaps: rows that lie behind one.
+    """
+    ends = [0, *gaps, len(columns)]
+    parts = [slice(a, b) for a, b in pairwise(ends) if b > a]
+    found = np.empty(columns.shape)
+    for part in parts:
+        for j in range(columns.shape[1]):
+            found[part, j] = innovations(noise, np.nan_to_num(columns[part, j]), usable[part], spread[part])
+    return found
+
+
+def fitted(e: Array, columns: Array, deviations: Array) -> tuple[Array, Array]:
+    """Return amplitudes (j,) of the columns and their covariance, rows far from the fit set aside.
+
+    Args:
+        e: (n,) of unit deviation.
+        columns: (n, j).
+        deviations: (j,) of the amplitudes beforehand.
+    """
+    beforehand = np.diag(1.0 / np.maximum(deviations, KNOWN) ** 2)
+    near = np.ones(e.size, bool)
+    amplitudes, covariance, scale = np.zeros(deviations.size), np.diag(deviations**2), 1.0
+    for _ in range(ROUNDS):
+        own = columns[near]
+        covariance = np.linalg.inv(own.T @ own / scale**2 + beforehand)
+        amplitudes = covariance @ (own.T @ e[near]) / scale**2
+        left = np.abs(e - columns @ amplitudes)
+        scale = max(1.0, 1.4826 * float(np.median(left))) if e.size else 1.0
+        further = left <= CLIP * scale
+        if np.array_equal(further, near):
+            break
+        near = further
+    return amplitudes, covariance
