@@ -20,7 +20,7 @@ from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.alarm.suspects import compared
-from bender_watch.baseline.beginning import AMPLITUDE, COUNT, fitted, whitened_rows
+from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
 from bender_watch.follow.rows import Rows
@@ -72,7 +72,10 @@ class _Pending:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Block:
-    """Rows beside what is expected of them; `columns_um` is not known of a record, `gaps` has `GAP` behind a gap."""
+    """Rows beside what is expected of them.
+
+    `columns_um` has what is not known of a record, and last the doubt of that; `gaps` has `GAP` for a row behind one.
+    """
 
     rows: Rows
     expected_um: Array
@@ -137,7 +140,7 @@ class Watcher:
         self._take_baseline(self.baseline, 0.0)
 
     def _take_baseline(self, baseline: Baseline, level_um: float) -> None:
-        self.baseline, self._opening = baseline, np.zeros((0, 3 + UNKNOWNS))
+        self.baseline, self._opening = baseline, np.zeros((0, 4 + UNKNOWNS))
         self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS)
         self.detector.take_known(np.append(level_um, baseline.past), np.zeros((UNKNOWNS, UNKNOWNS)))
         self.history = History(len(baseline.tests.names))
@@ -150,7 +153,7 @@ class Watcher:
         for begun in (self.baseline.expectation, self.baseline.beginning):
             begun.begin(time_s, voltage_V, rest=rest)
         settling = settling_rows(stood, self.baseline.rows)
-        self._last, self._opening = None, np.zeros((0, 3 + UNKNOWNS))
+        self._last, self._opening = None, np.zeros((0, 4 + UNKNOWNS))
         # nobody looks at the past of an FMU: its course is over before its level is looked at
         self._unjudged = settling if self.model is not None else 2 * settling
         self.history.clear()
@@ -266,10 +269,11 @@ class Watcher:
             raise InputError(f"row {self.rows + 1}: {error}") from None
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
+        columns = np.column_stack([np.ones(len(rows)), pasts, doubt_of(pasts, base.noise_um)])
         block = _Block(
             rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
-            np.column_stack([np.ones(len(rows)), pasts]), base.spread(expected, before_um, steps),
-            base.range.outside(rows.voltage_V, expected), np.where(steps > A_GAP * base.interval_s, GAP, 0),
+            columns, base.spread(expected, before_um, steps), base.range.outside(rows.voltage_V, expected),
+            np.where(steps > A_GAP * base.interval_s, GAP, 0),
         )  # fmt: skip
         begin = 0
         while begin < len(rows) and self.baseline is base:
@@ -363,7 +367,8 @@ class Watcher:
     def _open(self) -> None:
         """Take from the first rows what nobody knew before them: the level of this record, and what came before it."""
         rows = self._opening if self.model is not None else self._opening[len(self._opening) // 2 :]
-        residual, spread, gaps, columns = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:]
+        residual, spread, gaps, columns, doubt = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:-1], rows[:, -1]
+        spread = spread * np.hypot(1.0, doubt)
         usable = np.isfinite(residual)
         every = np.column_stack([residual, columns])
         white = whitened_rows(self.baseline.noise, every, usable, spread, np.flatnonzero(gaps).tolist())[usable]

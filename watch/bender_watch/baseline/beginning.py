@@ -1,9 +1,10 @@
 """What came before the first row of a record, and what that may still add to its readings.
 
 A device remembers: eq. (30) for a second or two, creep for minutes, play until it is swept again. The expectation has
-stood at the first command for long. Here the model sets out from other pasts: from either end of the range up to the
-first row, and from the further end up to 8, 64 and 512 rows before it. What each reads beyond the expectation is a
-column, and a past that nobody knows is taken for a sum of them with amplitudes of about 1.
+stood at the first command for long. Here the model sets out from other pasts: from either end of the range, directly or
+with a turn between (play remembers turns), up to the first row or some rows before it (creep remembers for how long).
+What each reads beyond the expectation is a column, and a past that nobody knows is taken for a sum of them with
+amplitudes of about 1.
 """
 
 from collections.abc import Sequence
@@ -24,9 +25,19 @@ from bender_watch.sequential.detector import CLIP, Noise
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BEFORE = (0, 8, 64, 512)
-"""Rows before the first one up to which the device stood at the further end of its range."""
-COUNT = len(BEFORE) + 1
+PASTS: tuple[tuple[tuple[float, ...], int], ...] = (
+    ((-1.0,), 0), ((1.0,), 0), ((1.0,), 8), ((1.0,), 64), ((1.0,), 512),
+    ((0.25,), 0), ((1.0, -0.5), 0), ((-1.0, 0.5), 0),
+)  # fmt: skip
+"""Where the device was, one row each behind long standing, and until how many rows before the first one.
+
+From the first command (0) to the further end of the range (1), and to the nearer one (-1).
+"""
+COUNT = len(PASTS)
+FAR, QUARTER = 1, 5
+"""Pasts of which one is a fourth of the other, where a device is linear."""
+BENDS = 3.0
+"""Times by which a sum of pasts may be further off than a fourth of one."""
 AMPLITUDE = 1.0
 """Deviation of the amplitude of a past."""
 FADED, FADED_ROWS = 1e-3, 256
@@ -35,6 +46,14 @@ KNOWN = 1e-9
 """Deviation of an amplitude that is known beforehand."""
 ROUNDS = 8
 """Of setting rows aside and fitting again."""
+
+
+def doubt_of(pasts_um: Array, noise_um: float) -> Array:
+    """Return by how many deviations of the noise rows (n,) of a past may be off that is no sum of pasts.
+
+    A device is as far from linear as they show themselves.
+    """
+    return BENDS * np.abs(pasts_um[:, QUARTER] - 0.25 * pasts_um[:, FAR]) / noise_um
 
 
 @dataclass(slots=True)
@@ -67,11 +86,13 @@ class Beginning:
         own, *others = self._streams
         if not rest:
             own.begin(time_s - stood_s(own), voltage_V)
-        for stream, end, rows in zip(others, (near, *[far] * len(BEFORE)), (0, *BEFORE), strict=True):
-            until_s = time_s - rows * self.interval_s
-            stream.begin(until_s - stood_s(own), end)
-            if rows:
-                stream.advance(np.array([until_s]), np.array([voltage_V]))
+        for stream, (parts, before) in zip(others, PASTS, strict=True):
+            ends = [voltage_V + abs(x) * ((far if x > 0.0 else near) - voltage_V) for x in parts]
+            begin_s = time_s - (before + len(ends) - 1) * self.interval_s
+            stream.begin(begin_s - stood_s(own), ends[0])
+            known = [*ends[1:], voltage_V] if before else ends[1:]
+            if known:
+                stream.advance(begin_s + self.interval_s * np.arange(len(known)), np.array(known))
 
     def _made(self) -> list[Stream]:
         if self.model is None:

@@ -69,6 +69,7 @@ class OfModel:
     resumable: bool = field(default=True, init=False)
     _own: Stream = field(init=False)
     _beside: list[tuple[Stream, list[int]]] = field(init=False)
+    _lost: set[int] = field(default_factory=set[int], init=False)
 
     def __post_init__(self) -> None:
         self._own = Stream((self.base,), self.linear)
@@ -83,6 +84,7 @@ class OfModel:
 
     def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
         """Begin a record."""
+        self._lost = set()
         for stream in (self._own, *(x for x, _ in self._beside)):
             if rest:
                 stream.begin()
@@ -92,20 +94,32 @@ class OfModel:
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
         """Return the expected readings (n,) and what each variant reads beyond the model (n, j)."""
         expected = self._own.advance(time_s, voltage_V, command_time_s)[0]
-        added = np.empty((time_s.size, len(self.variants)))
-        for stream, places in self._beside:
-            readings = stream.advance(time_s, voltage_V, command_time_s)
+        added = np.zeros((time_s.size, len(self.variants)))
+        for number, (stream, places) in enumerate(self._beside):
+            if number in self._lost:
+                continue
+            try:
+                readings = stream.advance(time_s, voltage_V, command_time_s)
+            except ArithmeticError:
+                # the device is its model, which does not run away: such a signature is none for this record
+                self._lost.add(number)
+                continue
             added[:, places] = (readings[1:] - readings[0]).T
         return expected, added
 
     def state(self) -> Any:
         """Return what the streams remember."""
-        return [x.state() for x in (self._own, *(y for y, _ in self._beside))]
+        beside = [None if k in self._lost else x.state() for k, (x, _) in enumerate(self._beside)]
+        return [self._own.state(), *beside]
 
     def restore(self, state: Any) -> None:
         """Go on from what the streams remembered."""
-        for stream, own in zip((self._own, *(y for y, _ in self._beside)), state, strict=True):
-            stream.restore(own)
+        own, *beside = state
+        self._own.restore(own)
+        self._lost = {k for k, known in enumerate(beside) if known is None}
+        for (stream, _), known in zip(self._beside, beside, strict=True):
+            if known is not None:
+                stream.restore(known)
 
 
 def _decade(step_s: float) -> int:

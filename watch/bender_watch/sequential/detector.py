@@ -220,13 +220,14 @@ class Detector:
             kinds: (n,) `JUDGED` or `NOT_JUDGED`, plus `GAP` behind a gap.
             spread: (n,) factor on the deviation of the noise, 1 where it is as ever.
             begin: first row that is taken.
-            columns_um: (n, unknowns) what an amplitude of 1 of each adds to the residual; None for nothing.
+            columns_um: (n, unknowns + 1) what an amplitude of 1 of each adds to the residual, and last by how many
+                deviations of the noise a row may be off beside them; None for nothing.
         """
         rows, size = residual_um.size, len(self.tests.names)
         innovations, whitened, tops = np.full(rows, np.nan), np.zeros((rows, size)), np.zeros(rows)
         x, tests = self._arrays, self.tests
         before = int(x["counts"][1])
-        columns = np.zeros((rows, self.unknowns)) if columns_um is None else columns_um
+        columns = np.zeros((rows, self.unknowns + 1)) if columns_um is None else columns_um
         row = detector_run()(
             begin, residual_um, signatures_um, columns, kinds, spread, self.noise.coefficients, self.noise.spreads_um,
             x["past"], x["past_signatures"], x["past_columns"], x["amplitudes"], x["covariance"], x["counts"], CLIP,

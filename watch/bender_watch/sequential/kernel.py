@@ -95,7 +95,7 @@ def run(
     ring_filled, cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits, innovations,
     whitened, tops, alarm,
 ):
-    rows, size, unknowns = residual.size, signatures.shape[1], columns.shape[1]
+    rows, size, unknowns = residual.size, signatures.shape[1], columns.shape[1] - 1
     u, projected = np.zeros(unknowns), np.zeros(unknowns)
     order = past.size
     levels, places = ring_filled.size, ring_sums.shape[1]
@@ -118,7 +118,7 @@ def run(
             u[j] = (columns[k, j] - whiten(coefficients, past_columns[j], seen)) / spread
             remember(past_columns[j], columns[k, j])
             known += u[j] * amplitudes[j]
-        wide = math.sqrt(1.0 + max(project(covariance, u, projected), 0.0))
+        wide = math.sqrt(1.0 + max(project(covariance, u, projected), 0.0) + columns[k, unknowns] ** 2)
         e = ((residual[k] - expected) / spread - known) / wide
         score = min(max(e, -clip), clip)
         for j in range(size):
@@ -150,7 +150,8 @@ def run(
             elif c == 2:
                 gain = square - LOUD_REFERENCE
             elif c == 3:
-                gain = QUIET_REFERENCE - square
+                # what might have been off and was not is no quieter noise
+                gain = QUIET_REFERENCE - min(e * e * wide * wide, quiet_clip * quiet_clip)
             cusums[c] = cusum_step(cusums[c], gain)
             if cusums[c] == 0.0:
                 cusum_since[c] = n
