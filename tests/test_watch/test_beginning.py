@@ -1,0 +1,136 @@
+"""What came before a record is unknown, and no change of the device: creep, play, a pause shorter than the memory."""
+
+import numpy as np
+import pytest
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_loop.records.record import Record
+from bender_plant.model import Model, load_model, model_from_table
+from bender_watch.baseline.beginning import COUNT, Beginning
+from bender_watch.baseline.expectation import OfModel
+from bender_watch.baseline.learn import Baseline, learn
+from bender_watch.follow.rows import Rows
+from bender_watch.sequential.detector import JUDGED, Detector, Noise, make_tests
+from bender_watch.settings import Settings
+from bender_watch.watcher import Watcher
+
+PAPER, BEAM = load_model("paper"), load_model("beam")
+CREEPING = BEAM.with_block("creep", gains=(0.03, 0.03, 0.03), time_constants_s=(1.0, 10.0, 100.0))
+PLAYS = model_from_table(
+    {
+        "format": 1,
+        "name": "plays",
+        "block": [
+            {"id": "prandtl_ishlinskii"},
+            {"id": "creep", "gains": [0.03, 0.03, 0.03], "time_constants_s": [0.5, 5.0, 50.0]},
+            {"id": "calibration"},
+        ],
+    }
+)
+MODELS = {"paper": PAPER, "creep": CREEPING, "plays": PLAYS}
+HOW = Settings(rows_between_false_alarms=1e6, diagnose=False, explain_rows=1000)
+BEFORE, ROWS, RATE_Hz, NOISE_um = 1800, 2400, 30.0, 0.05
+
+
+def recorded(model: Model, seed: int, pause_rows: int = 0, level_um: float = 0.0, level_row: int = 0) -> Record:
+    """Return rows of a device that has moved for a minute, and then stood at 0 V for some rows."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(BEFORE + ROWS) / RATE_Hz
+    tones = zip((16.0, 12.0, 8.0), (0.2, 0.53, 1.37), rng.uniform(0.0, 2.0 * np.pi, 3), strict=True)
+    voltage = np.sum([a * np.sin(2.0 * np.pi * f * time + p) for a, f, p in tones], axis=0)
+    if pause_rows:
+        voltage[BEFORE - pause_rows : BEFORE + 5] = 0.0
+    clean = Simulator(Drive.of_rows(time, voltage)).run(model).reading_um[BEFORE:]
+    moved = np.where(np.arange(ROWS) < level_row, 0.0, level_um)
+    return Record(time[BEFORE:], voltage[BEFORE:], clean + NOISE_um * rng.standard_normal(ROWS) + moved)
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, tuple[Record, Baseline]]:
+    found = {}
+    for name, model in MODELS.items():
+        training = recorded(model, 1)
+        found[name] = training, learn(model, training, HOW.rows_between_false_alarms)
+    return found
+
+
+def alarms(known: dict[str, tuple[Record, Baseline]], name: str, record: Record) -> list[int]:
+    watcher, rows = Watcher(MODELS[name], *known[name], HOW), Rows.of(record)
+    return [x["row"] for x in [*watcher.begin_record("own", rows), *watcher.take(rows)] if x["event"] == "alarm"]
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("pause_rows", [0, 90])
+def test_what_came_before_is_no_alarm(name: str, pause_rows: int, known: dict[str, tuple[Record, Baseline]]) -> None:
+    for seed in range(2, 7):
+        assert alarms(known, name, recorded(MODELS[name], seed, pause_rows)) == []
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_training_record_in_motion_shows_its_noise_alone(
+    name: str, known: dict[str, tuple[Record, Baseline]]
+) -> None:
+    assert known[name][1].noise_um == pytest.approx(NOISE_um, rel=0.1)
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("pause_rows", [0, 90])
+def test_a_level_that_moves_later_is_one(name: str, pause_rows: int, known: dict[str, tuple[Record, Baseline]]) -> None:
+    (row,) = alarms(known, name, recorded(MODELS[name], 2, pause_rows, 0.2, 1200))
+    assert 1200 < row < 1260
+
+
+def test_a_sensor_that_has_moved_between_records_is_seen_beside_what_a_motion_left(
+    known: dict[str, tuple[Record, Baseline]],
+) -> None:
+    (row,) = alarms(known, "paper", recorded(PAPER, 2, 90, 3.0))
+    assert row < 600
+
+
+def test_pasts_fade_and_are_forgotten() -> None:
+    beginning = Beginning(PAPER, False, (-30.0, 30.0), NOISE_um, 1.0 / RATE_Hz)
+    beginning.begin(0.0, 10.0, rest=False)
+    time = np.arange(1500) / RATE_Hz
+    whole = beginning.advance(time, 10.0 * np.cos(time), None)
+    assert np.max(np.abs(whole[0])) > 1.0
+    assert np.all(whole[-100:] == 0.0)
+    other = Beginning(PAPER, False, (-30.0, 30.0), NOISE_um, 1.0 / RATE_Hz)
+    other.begin(0.0, 10.0, rest=False)
+    parts = [other.advance(time[a : a + 70], 10.0 * np.cos(time[a : a + 70]), None) for a in range(0, 1500, 70)]
+    assert np.allclose(np.concatenate(parts), whole, atol=1e-9)
+
+
+def test_a_signature_that_runs_away_ends_no_watch() -> None:
+    """A beam that stiffens rings ever further where sub-steps are coarse, after a step of the command."""
+    expectation = OfModel(PAPER, [PAPER.with_block("stiffening", cubic_1_per_um2=1.3e-4)])
+    expectation.begin(60.0, 28.893743850085457, rest=False)
+    expected, added = expectation.advance(60.0 + np.arange(50) / RATE_Hz, np.full(50, 28.9), None)
+    assert np.all(np.isfinite(expected))
+    assert np.all(added == 0.0)
+    again = OfModel(PAPER, [PAPER.with_block("stiffening", cubic_1_per_um2=1.3e-4)])
+    again.restore(expectation.state())
+    assert np.all(again.advance(np.array([62.0]), np.zeros(1), None)[1] == 0.0)
+
+
+def test_unknown_amplitudes_leave_white_noise_of_unit_variance() -> None:
+    """The recursive residuals of a regression are white whatever its amplitudes are."""
+    rng, rows = np.random.default_rng(3), 4000
+    columns = np.column_stack([np.ones(rows), np.exp(-np.arange(rows) / 500.0), np.zeros(rows)])
+    found = []
+    for _ in range(20):
+        own = Detector(
+            Noise(np.zeros((1, 0)), np.array([0.5])), make_tests((), *np.zeros((2, 0)), np.zeros(0, bool), 1e6), 2
+        )
+        own.take_known(np.zeros(2), np.diag([1e3, 1e3]))
+        read = 0.5 * rng.standard_normal(rows) + columns[:, :2] @ rng.normal(0.0, 30.0, 2)
+        judged = own.judge(read, np.zeros((rows, 0)), np.full(rows, JUDGED), np.ones(rows), 0, columns)
+        assert judged.exceedance is None
+        found.append(judged.innovations)
+    assert np.std(found) == pytest.approx(1.0, abs=0.02)
+    assert np.std(np.array(found)[:, :20]) == pytest.approx(1.0, abs=0.12)
+
+
+def test_an_fmu_has_no_pasts() -> None:
+    beginning = Beginning(None, False, (0.0, 1.0), 1.0, 1.0)
+    beginning.begin(0.0, 0.0, rest=False)
+    assert np.array_equal(beginning.advance(np.arange(3.0), np.zeros(3), None), np.zeros((3, COUNT)))
