@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 HELP = "false alarms, delay against the optimal test and the right effect, beside other detectors"
 SEED = 5800
+SHORT_EVERY = 1e6
+"""Rows between two false alarms of the watch of a short record."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--threshold-rows", type=float, default=1e6, metavar="N",
         help="without a change, from which thresholds of all methods are set (default: 1e6; 0: not side by side)",
     )  # fmt: skip
+    parser.add_argument(
+        "--short-records", type=int, default=25, metavar="N",
+        help="begun in motion or after a pause, of each of four devices (default: 25 each; 0: none)",
+    )  # fmt: skip
     parser.add_argument("--diagnose", action="store_true", help="diagnose every alarm: some minutes each")
     parser.add_argument("--first-seed", type=int, default=SEED, metavar="N", help=f"of the draws (default: {SEED})")
 
@@ -44,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_plant.model import load_model
     from bender_studies.watching.devices import EFFECTS, SHAPES, SIZES, Change, changed, quiet
     from bender_studies.watching.others import Expected
+    from bender_studies.watching.short import Short, table_of_short, watched
     from bender_studies.watching.side_by_side import Beside, quiet_runs, side_by_side, table
     from bender_studies.watching.trial import Trial, judged
     from bender_watch.baseline.learn import learn
@@ -59,9 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
     status = 0
     found: list[Trial] = []
     beside: list[Beside] = []
+    short: list[Short] = []
     with Progress("watch benchmark") as bar:
         devices = [quiet(seed + 1000 + k) for k in range(arguments.quiet_devices)]
         calm = _quiet(arguments, model, training, baseline, how, devices, bar)
+        said: Callable[[str], None] = lambda name: bar.update(len(found), None, name)
         try:
             changes: list[Change] = []
             for (number, name), size, shape in product(enumerate(arguments.effects or EFFECTS), sizes, SHAPES):
@@ -76,8 +85,9 @@ def run(arguments: argparse.Namespace) -> int:
                     list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 200_000)),
                     [(x, Expected.of(baseline, x.record).run(x.record.displacement_um)) for x in changes],
                     every,
-                    lambda name: bar.update(len(found), None, name),
+                    said,
                 )
+            short.extend(watched(arguments.short_records, SHORT_EVERY, seed + 500_000, said))
         except KeyboardInterrupt:
             status = 130
     columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
@@ -87,7 +97,10 @@ def run(arguments: argparse.Namespace) -> int:
         print_table("Devices that do not change", tuple(calm), [list(calm.values())])
     if beside:
         print_table(_beside_title(arguments, len(devices[0].clean_um)), *table(beside, sizes))
-    facts = {"quiet": calm, "trials": [asdict(x) for x in found], "side by side": [asdict(x) for x in beside]}
+    if short:
+        print_table(f"Short records, one false alarm in {SHORT_EVERY:g} rows at most", *table_of_short(short))
+    lists = {"trials": found, "short": short, "side by side": beside}
+    facts = {"quiet": calm} | {name: [asdict(x) for x in own] for name, own in lists.items()}
     write_result(out / "watch.json", finite(facts))
     sys.stdout.write(f"written: {out / 'watch.json'}\n")
     return status
