@@ -4,12 +4,13 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bender_studies.watching.devices import Quiet
+    from bender_studies.watching.short import Short
     from bender_studies.watching.trial import Trial
 
 HELP = "false alarms, delay against the optimal test and the right effect, beside other detectors"
@@ -50,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_plant.model import load_model
     from bender_studies.watching.devices import EFFECTS, SHAPES, SIZES, Change, changed, quiet
     from bender_studies.watching.others import Expected
-    from bender_studies.watching.short import Short, table_of_short, watched
+    from bender_studies.watching.short import Short, watched
     from bender_studies.watching.side_by_side import Beside, quiet_runs, side_by_side, table
     from bender_studies.watching.trial import Trial, judged
     from bender_watch.baseline.learn import learn
@@ -70,7 +71,6 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("watch benchmark") as bar:
         devices = [quiet(seed + 1000 + k) for k in range(arguments.quiet_devices)]
         calm = _quiet(arguments, model, training, baseline, how, devices, bar)
-        said: Callable[[str], None] = lambda name: bar.update(len(found), None, name)
         try:
             changes: list[Change] = []
             for (number, name), size, shape in product(enumerate(arguments.effects or EFFECTS), sizes, SHAPES):
@@ -85,25 +85,37 @@ def run(arguments: argparse.Namespace) -> int:
                     list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 200_000)),
                     [(x, Expected.of(baseline, x.record).run(x.record.displacement_um)) for x in changes],
                     every,
-                    said,
+                    lambda name: bar.update(len(found), None, name),
                 )
-            short.extend(watched(arguments.short_records, SHORT_EVERY, seed + 500_000, said))
+            short.extend(
+                watched(arguments.short_records, SHORT_EVERY, seed + 500_000, lambda x: bar.update(len(found), None, x))
+            )
         except KeyboardInterrupt:
             status = 130
-    columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
-    rows = [_row(size, [x for x in found if x.size == size]) for size in sizes]
-    print_table(f"Changes, one false alarm in {every:g} rows at most; delays in rows, medians", columns, rows)
-    if calm["rows"]:
-        print_table("Devices that do not change", tuple(calm), [list(calm.values())])
+    _print_tables(arguments, found, calm, short)
     if beside:
         print_table(_beside_title(arguments, len(devices[0].clean_um)), *table(beside, sizes))
-    if short:
-        print_table(f"Short records, one false alarm in {SHORT_EVERY:g} rows at most", *table_of_short(short))
     lists = {"trials": found, "short": short, "side by side": beside}
     facts = {"quiet": calm} | {name: [asdict(x) for x in own] for name, own in lists.items()}
     write_result(out / "watch.json", finite(facts))
     sys.stdout.write(f"written: {out / 'watch.json'}\n")
     return status
+
+
+def _print_tables(
+    arguments: argparse.Namespace, found: "Sequence[Trial]", calm: dict[str, Any], short: "Sequence[Short]"
+) -> None:
+    from bender_loop.shell.progress import print_table
+    from bender_studies.watching.devices import SIZES
+    from bender_studies.watching.short import table_of_short
+
+    title = f"Changes, one false alarm in {arguments.between_false_alarms:g} rows at most; delays in rows, medians"
+    columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
+    print_table(title, columns, [_row(x, [y for y in found if y.size == x]) for x in arguments.sizes or SIZES])
+    if calm["rows"]:
+        print_table("Devices that do not change", tuple(calm), [list(calm.values())])
+    if short:
+        print_table(f"Short records, one false alarm in {SHORT_EVERY:g} rows at most", *table_of_short(short))
 
 
 def _beside_title(arguments: argparse.Namespace, rows: int) -> str:

@@ -5,7 +5,7 @@ the readings come one row late. Readings are as an ordinary bench has them: some
 noise, at times that are not quite even.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,7 +92,7 @@ def watched(records: int, every: float, seed: int, said: Callable[[str], None]) 
         said: is told which device is watched.
     """
     how = Settings(rows_between_false_alarms=every, diagnose=False)
-    for number, (name, model) in enumerate(devices().items()):
+    for number, (name, model) in enumerate(devices().items() if records else ()):
         said(name)
         training = recorded(model, BEGINS[0], CHANGES[0], TRAINED, seed + 1000 * number)
         known = training, learn(model, training, every)
@@ -114,7 +114,7 @@ def _watched(
     return Short(*what, watcher.rows, watcher.judged, any(x < since for x in alarms), after[0] if after else None)
 
 
-def table_of_short(found: list[Short]) -> tuple[list[str], list[list[Any]]]:
+def table_of_short(found: Sequence[Short]) -> tuple[list[str], list[list[Any]]]:
     """Return columns and rows: false alarms, and how late changes are found, by device and beginning."""
     columns = ["device", "begins", "records", "rows", "judged", "with a false alarm"]
     for change in CHANGES[1:]:

@@ -44,6 +44,8 @@ FADED, FADED_ROWS = 1e-3, 256
 """Of the noise: a past that adds less over so many rows is forgotten."""
 KNOWN = 1e-9
 """Deviation of an amplitude that is known beforehand."""
+AT_ONCE = 256
+"""Rows after which it is looked whether the pasts have faded."""
 ROUNDS = 8
 """Of setting rows aside and fitting again."""
 
@@ -101,18 +103,25 @@ class Beginning:
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
         """Return what each past adds to the readings (n, `COUNT`) in um, 0 from where all have faded."""
-        if not self._streams:
-            return np.zeros((time_s.size, COUNT))
+        added = np.zeros((time_s.size, COUNT))
+        for begin in range(0, time_s.size, AT_ONCE):
+            if not self._streams:
+                break
+            part = slice(begin, begin + AT_ONCE)
+            acting_s = None if command_time_s is None else command_time_s[part]
+            added[part] = self._added(time_s[part], voltage_V[part], acting_s)
+        return added
+
+    def _added(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
         own, *others = (x.advance(time_s, voltage_V, command_time_s)[0] for x in self._streams)
         added = np.column_stack(others) - own[:, None]
         rows = np.arange(time_s.size)
         loud = np.max(np.abs(added), axis=1) > FADED * self.least_um
         quiet = rows - np.maximum.accumulate(np.where(loud, rows, -1 - self._quiet))
-        faded = int(np.argmax(quiet > FADED_ROWS)) if np.any(quiet > FADED_ROWS) else time_s.size
-        added[faded:] = 0.0
-        if faded < time_s.size:
-            self._streams = []
         self._quiet = int(quiet[-1])
+        if np.any(quiet > FADED_ROWS):
+            added[int(np.argmax(quiet > FADED_ROWS)) :] = 0.0
+            self._streams = []
         return added
 
     def state(self) -> Any:
