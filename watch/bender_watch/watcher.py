@@ -16,9 +16,10 @@ from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model
-from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
+from bender_watch.alarm.explain import Explanation, Loop, explain, not_diagnosed, record_since
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
+from bender_watch.alarm.still import ADVICE, NO_READING, is_still, moves, repeats_of, silent_after
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
 from bender_watch.baseline.expectation import OfModel
@@ -62,12 +63,13 @@ BACK = 8
 
 @dataclass(slots=True)
 class _Pending:
-    """An alarm that waits for its explanation: by so many rows since the change."""
+    """An alarm that waits for its explanation by so many rows since the change, or until the reading moves again."""
 
     event: Event
     exceedance: Exceedance
     first_row: int
     rows: int
+    stands: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,12 +133,17 @@ class Watcher:
     _is_outside: bool = field(default=False, init=False)
     _inside: int = field(default=0, init=False)
     _told: set[str] = field(default_factory=set, init=False)
+    _silent_rows: int = field(default=0, init=False)
+    _silent_after: int = field(init=False)
+    _repeats: float = field(init=False)
     _opening: Array = field(init=False)
     _deviations: Array = field(default_factory=lambda: np.zeros(UNKNOWNS), init=False)
     _moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.lane, self.trends, self._moved = Lane(), Trends(), np.zeros(2)
+        read = self.training.displacement_um
+        self._silent_after, self._repeats = silent_after(read), repeats_of(read)
         self._take_baseline(self.baseline, 0.0)
 
     def _take_baseline(self, baseline: Baseline, level_um: float) -> None:
@@ -199,7 +206,7 @@ class Watcher:
 
     def finish(self) -> Iterator[Event]:
         """Explain an alarm that still waits, and say what the trends are."""
-        while self._pending is not None:
+        while self._pending is not None and not self._pending.stands:
             yield from self._explained(is_end=True)
         yield from (_told_trend(x) for x in self.trend())
 
@@ -221,11 +228,12 @@ class Watcher:
             "inside": self._inside,
             "told": sorted(self._told), "trends": self.trends.state(), "moved": self._moved.tolist(),
             "deviations": self._deviations.tolist(),
+            "silence": [self._silent_rows, self._silent_after, self._repeats],
             "offset_um": self.baseline.offset_um, "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
             if pending is None
-            else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows],
+            else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows, pending.stands],
             "expectation": self.baseline.expectation.state(), "beginning": self.baseline.beginning.state(),
         }  # fmt: skip
         arrays: dict[str, NDArray[Any]] = {"history": self.history.table, "opening": self._opening}
@@ -246,6 +254,7 @@ class Watcher:
         self._inside = facts["inside"]
         self._told, self._moved = set(facts["told"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
+        self._silent_rows, self._silent_after, self._repeats = facts["silence"]
         self.trends.restore(facts["trends"])
         self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
         if facts["pending"] is not None:
@@ -280,6 +289,7 @@ class Watcher:
             # stretches end at the same rows however rows arrive, so that what is said does not depend on that
             size = STRETCH - self.rows % STRETCH
             size = min(size, self._unjudged) if self._unjudged else size
+            size = min(size, self._silent_after - self._silent_rows) if self._silent_rows < self._silent_after else size
             part = block.part(slice(begin, begin + size))
             begin += len(part.rows)
             yield from self._stretch(part)
@@ -309,11 +319,22 @@ class Watcher:
                 yield self._alarm(found.exceedance)
         self._last = (float(rows.time_s[-1]), float(block.expected_um[-1]))
         self._unjudged -= settling
+        read = np.flatnonzero(np.isfinite(rows.displacement_um))
+        before, self._silent_rows = (
+            self._silent_rows,
+            len(rows) - 1 - int(read[-1]) if read.size else self._silent_rows + len(rows),
+        )
+        if before < self._silent_after <= self._silent_rows:
+            yield self._silence()
         if settling and self._unjudged == 0:
             self._open()
         if self.rows % STRETCH:
             return
-        if self._pending is not None and self.rows - self._pending.first_row >= self._pending.rows:
+        if self._pending is not None and self._pending.stands:
+            yield from self._moves_again(self._pending)
+        elif self._pending is not None and (
+            self.rows - self._pending.first_row >= self._pending.rows or self._stands(self._pending.first_row)
+        ):
             yield from self._explained()
         yield from self._trends()
 
@@ -400,8 +421,50 @@ class Watcher:
             "suspects": suspects,
             "size": self._size("" if suspects else found.test, onset),
         }
+        if self._stands(int(rows[first])):
+            event |= {"suspects": [], "advice": [ADVICE]}
         self._pending = _Pending(event, found, int(rows[first]), self.settings.explain_rows)
         return event
+
+    def _silence(self) -> Event:
+        """Return the alarm of a sensor that gives no reading: no test is held where none comes."""
+        self.alarms += 1
+        row, times = self.rows - self._silent_rows + 1, self.history.column("time_s")
+        since_s = float(times[max(len(times) - self._silent_rows, 0)])
+        return {
+            "event": "alarm",
+            "number": self.alarms,
+            "row": self.rows,
+            "time_s": float(times[-1]),
+            "test": "silence",
+            "statistic": self._silent_rows,
+            "threshold": self._silent_after,
+            "since": {f"row{x}": row for x in ("", "_low", "_high")}
+            | {f"time{x}_s": since_s for x in ("", "_low", "_high")},
+            "suspects": [],
+            "size": {"lost_rows": self._silent_rows, "grows": False, "shape": "step"},
+            "advice": [NO_READING],
+        }
+
+    def _since_row(self, row: int) -> tuple[Array, Array]:
+        """Return readings and what is expected of them, in um, from a row on."""
+        since = self.history.column("row") >= row
+        return self.history.column("displacement_um")[since], self.history.column("expected_um")[since]
+
+    def _stands(self, row: int) -> bool:
+        """Return whether the reading has not moved since a row, while the device should."""
+        return is_still(*self._since_row(row), self.baseline.noise_um, self._stroke_um, self._repeats)
+
+    def _moves_again(self, waiting: _Pending) -> Iterator[Event]:
+        """Go on as before an alarm of a reading that stood, where it moves again."""
+        if not moves(
+            *self._since_row(max(waiting.first_row, self.rows - STRETCH + 1)), self.baseline.noise_um, self._stroke_um
+        ):
+            return
+        self._pending = None
+        self.detector.reset()
+        self.detector.forget()
+        yield {"event": "moves_again", "row": self.rows, "time_s": float(self.history.column("time_s")[-1])}
 
     def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
         """Return when the change began along what shows it best, and the effects that it suspects.
@@ -477,6 +540,12 @@ class Watcher:
             "suspects": suspects,
             "size": self._size("" if suspects else waiting.exceedance.test, onset),
         }
+        if self._stands(int(rows[first])):
+            found = not_diagnosed(ADVICE, (ADVICE,), len(self.history) - first)
+            self.explanations.append(found)
+            self._pending = replace(waiting, stands=True)
+            yield told | {"suspects": []} | found.to_dict() | {"goes_on": "where the reading moves again"}
+            return
         model = self.model
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
             found = self._diagnosed(waiting, first, [x for y in suspects for x in y["effects"]], is_end=is_end)

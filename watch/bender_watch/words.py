@@ -61,6 +61,8 @@ def _size(event: Event) -> str:
     size = event["size"]
     if "noise_ratio" in size:
         text = f"noise {size['noise_ratio']:.3g} times as large"
+    elif "lost_rows" in size:
+        text = f"{size['lost_rows']} rows without a reading"
     elif "correlation" in size:
         text = f"noise that repeats itself ({size['correlation']:.2g})"
     elif size.get("std_um") is None:
@@ -76,7 +78,16 @@ def _suspects(event: Event) -> str:
 
 
 def _alarm(event: Event) -> str:
-    return f"ALARM {event['number']} at {event['time_s']:.6g} s, {_since(event)}: {_size(event)}{_suspects(event)}"
+    told = f"{_size(event)}{_suspects(event)}{_advice(event)}"
+    return f"ALARM {event['number']} at {event['time_s']:.6g} s, {_since(event)}: {told}"
+
+
+def _advice(event: Event) -> str:
+    return "".join(f"; {x}" for x in event.get("advice", ()))
+
+
+def _moves_again(event: Event) -> str:
+    return f"{event['time_s']:.6g} s: the reading moves again; the watch goes on as before"
 
 
 def _explained(event: Event) -> str:
@@ -128,5 +139,6 @@ _WORDS = {
     "inside_again": _inside,
     "alarm": _alarm,
     "explained": _explained,
+    "moves_again": _moves_again,
     "trend": _trend,
 }

@@ -108,7 +108,7 @@ def rows_of_watch(facts: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[s
 
 
 def _alike(told: Mapping[str, Any], alarm: Mapping[str, Any]) -> list[str]:
-    """Return what a change is: the effects of its diagnosis, else what it looks like most, else the test."""
+    """Return what a change is: the effects of its diagnosis, else what it looks like most, a dead sensor, the test."""
     named = [x["id"] for x in told.get("effects", ())]
     suspected = [" or ".join(x["effects"]) for x in told["suspects"][:1]]
-    return named or suspected or [alarm["test"]]
+    return named or suspected or [*alarm.get("advice", ()), alarm["test"]][:1]

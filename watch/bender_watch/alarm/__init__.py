@@ -4,8 +4,8 @@
 |---|---|
 | `explain` | the diagnosis of the rows since a change, the old model as its base |
 | `history` | the last rows, as many as are kept |
-| `suspects` | which signatures explain a change |
 | `loop_effect` | what a change does to the loop of the present gains |
 | `onset` | since when, how large, and whether it grows |
+| `still` | a reading that does not move, or does not come |
 | `suspects` | the signatures that explain a change, beside level and gain |
 """

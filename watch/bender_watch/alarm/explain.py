@@ -125,13 +125,12 @@ def explain(
         tell: is told what is being done.
     """
     if len(record) < FEWEST_ROWS:
-        return _not_diagnosed(
-            f"found {len(record)} rows since the change, a diagnosis takes {FEWEST_ROWS}", suspects, record
-        )
+        few = f"found {len(record)} rows since the change, a diagnosis takes {FEWEST_ROWS}"
+        return not_diagnosed(few, advice("", suspects, None), len(record))
     try:
         found = diagnose(base, [record], Settings(linear=linear), tell, ["the rows since the change"])
     except (InputError, RunError, ValueError, ArithmeticError) as error:
-        return _not_diagnosed(str(error), suspects, record)
+        return not_diagnosed(str(error), advice("", suspects, None), len(record))
     facts = found.to_dict()
     effects = tuple(x for x in facts["effects"])
     corrected = None if facts.get("fmu") is None or facts["verdict"] == "no_gap" else found.model
@@ -155,8 +154,9 @@ def explain(
     )
 
 
-def _not_diagnosed(why: str, suspects: Sequence[str], record: Record) -> Explanation:
-    return Explanation("not diagnosed", (), {}, why, None, None, advice("", suspects, None), len(record))
+def not_diagnosed(why: str, told: tuple[str, ...], rows: int) -> Explanation:
+    """Return that so many rows were not diagnosed, why not, and what to do."""
+    return Explanation("not diagnosed", (), {}, why, None, None, told, rows)
 
 
 def advice(verdict: str, effects: Sequence[str], loop: tuple[LoopFigures, LoopFigures] | None) -> tuple[str, ...]:

@@ -206,6 +206,10 @@ class Detector:
     def take_known(self, amplitudes: Array, covariance: Array) -> None:
         """Begin with what is known of the columns; what was read before foretells nothing."""
         self._arrays["amplitudes"][:], self._arrays["covariance"][:] = amplitudes, covariance
+        self.forget()
+
+    def forget(self) -> None:
+        """Take the next row for one behind a gap."""
         self._arrays["counts"][0] = self._arrays["counts"][2] = 0
 
     def judge(
