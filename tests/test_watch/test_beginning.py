@@ -134,3 +134,17 @@ def test_an_fmu_has_no_pasts() -> None:
     beginning = Beginning(None, False, (0.0, 1.0), 1.0, 1.0)
     beginning.begin(0.0, 0.0, rest=False)
     assert np.array_equal(beginning.advance(np.arange(3.0), np.zeros(3), None), np.zeros((3, COUNT)))
+
+
+def test_noise_below_the_least_is_not_quieter() -> None:
+    """A record without noise is quieter than the least noise from its first row on."""
+    long, short = (recorded(BEAM, seed) for seed in (1, 2))
+    clean = [
+        Record(x.time_s, x.voltage_V, Simulator(Drive.of_rows(x.time_s, x.voltage_V)).run(BEAM).reading_um)
+        for x in (long, short)
+    ]
+    part = slice(0, 1200)
+    training = Record(clean[0].time_s[part], clean[0].voltage_V[part], clean[0].displacement_um[part])
+    watcher, rows = Watcher(BEAM, training, learn(BEAM, training, 1e6), HOW), Rows.of(clean[1])
+    events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
+    assert [x["event"] for x in events if x["event"] == "alarm"] == []

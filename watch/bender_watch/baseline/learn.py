@@ -241,6 +241,9 @@ def learn(
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
     tests = _tests(titles, white, residual, shapes * scales, sides, rows_between_false_alarms)
+    if noise.spreads_um[-1] <= _least_um(expected):
+        # what lies below the least noise is quieter than that from the beginning
+        tests = replace(tests, cusum_limits=np.append(tests.cusum_limits[:-1], np.inf))
     where = _range(record.voltage_V, expected, read, rest=rest)
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
@@ -253,7 +256,7 @@ def learn(
 
 def _noise(record: Record, expected: Array, residual: Array, usable: Mask) -> tuple[Noise, Mask, Array, float]:
     """Return the noise, the rows that count, the factor on its deviation, and the jitter of the times."""
-    least_um = max(LEAST_PART * float(np.ptp(expected)), 1e-12)
+    least_um = _least_um(expected)
     steps = np.diff(record.time_s, prepend=2.0 * record.time_s[0] - record.time_s[1])
     rate = np.abs(np.diff(expected, prepend=expected[0])) / steps
     even = np.ones(usable.size)
@@ -264,6 +267,10 @@ def _noise(record: Record, expected: Array, residual: Array, usable: Mask) -> tu
     spread = np.sqrt(1.0 + (jitter_s * rate / noise.spreads_um[0]) ** 2)
     noise, kept = fit_noise(residual, usable, spread, least_um)
     return noise, kept, spread, jitter_s
+
+
+def _least_um(expected: Array) -> float:
+    return max(LEAST_PART * float(np.ptp(expected)), 1e-12)
 
 
 def _told_apart(

@@ -34,7 +34,8 @@ def fit_noise(residual_um: Array, usable: Mask, spread: Array, least_um: float) 
     for _ in range(ROUNDS):
         noise = _levinson(residual_um / spread, kept, least_um)
         e = innovations(noise, residual_um, kept, spread)
-        further = usable & ~(np.abs(np.nan_to_num(e)) > CLIP + 0.5)
+        # what was set aside has no innovation, and stays aside
+        further = kept & ~(np.abs(np.nan_to_num(e)) > CLIP + 0.5)
         if np.array_equal(further, kept):
             break
         kept = further
