@@ -119,7 +119,9 @@ def test_unknown_amplitudes_leave_white_noise_of_unit_variance() -> None:
     found = []
     for _ in range(20):
         own = Detector(
-            Noise(np.zeros((1, 0)), np.array([0.5])), make_tests((), *np.zeros((2, 0)), np.zeros(0, bool), 1e6), 2
+            Noise(np.zeros((1, 0)), np.array([0.5])),
+            make_tests((), np.zeros(0), np.zeros(0), np.zeros(0, bool), 1e6),
+            2,
         )
         own.take_known(np.zeros(2), np.diag([1e3, 1e3]))
         read = 0.5 * rng.standard_normal(rows) + columns[:, :2] @ rng.normal(0.0, 30.0, 2)

@@ -97,13 +97,13 @@ def test_what_is_said_does_not_depend_on_how_rows_arrive(kind: str, known: tuple
 
 
 def test_play_that_stands_after_a_reversal_is_not_dead() -> None:
-    rng, time = np.random.default_rng(4), np.arange(6)
-    expected = 20.0 + 0.5 * time
+    rng, time = np.random.default_rng(4), np.arange(6.0)
+    expected = np.asarray(20.0 + 0.5 * time, dtype=np.float64)
     assert not is_still(20.0 + NOISE_um * rng.standard_normal(6), expected, NOISE_um, 40.0, 0.0)
     assert is_still(np.full(6, 20.0), expected, NOISE_um, 40.0, 0.0)
     # readings in coarse steps repeat by themselves
     assert not is_still(np.full(6, 20.0), expected, NOISE_um, 40.0, 0.5)
-    assert not is_still(-expected, expected, NOISE_um, 4.0, 0.0)
+    assert not is_still(np.negative(expected), expected, NOISE_um, 4.0, 0.0)
 
 
 def test_losses_as_long_as_those_of_the_training_record_are_no_alarm() -> None:

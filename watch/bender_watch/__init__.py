@@ -7,6 +7,7 @@
 | `beside_run` | lines for the live page of a run |
 | `command` | `bender watch` |
 | `follow` | where rows come from |
+| `held` | rows beside what is expected of them, an alarm that waits |
 | `lane` | extremes of any number of rows, for pictures |
 | `report` | the page |
 | `sequential` | tests on the whitened residual, thresholds from run length |

@@ -16,7 +16,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model
-from bender_watch.alarm.explain import Explanation, Loop, explain, not_diagnosed, record_since
+from bender_watch.alarm.explain import Explanation, Loop, explain, first_rows, not_diagnosed, record_since
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.alarm.still import ADVICE, NO_READING, is_still, moves, repeats_of, silent_after
@@ -25,6 +25,7 @@ from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, 
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
 from bender_watch.follow.rows import Rows
+from bender_watch.held import Block, Pending
 from bender_watch.lane import Lane
 from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance
 from bender_watch.settings import Settings
@@ -62,41 +63,6 @@ BACK = 8
 
 
 @dataclass(slots=True)
-class _Pending:
-    """An alarm that waits for its explanation by so many rows since the change, or until the reading moves again."""
-
-    event: Event
-    exceedance: Exceedance
-    first_row: int
-    rows: int
-    stands: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Block:
-    """Rows beside what is expected of them.
-
-    `columns_um` has what is not known of a record, and last the doubt of that; `gaps` has `GAP` for a row behind one.
-    """
-
-    rows: Rows
-    expected_um: Array
-    signatures_um: Array
-    residual_um: Array
-    columns_um: Array
-    spread: Array
-    beyond: NDArray[np.bool_]
-    gaps: NDArray[np.int64]
-
-    def part(self, where: slice) -> "_Block":
-        """Return some of the rows."""
-        return _Block(
-            self.rows.part(where), self.expected_um[where], self.signatures_um[where], self.residual_um[where],
-            self.columns_um[where], self.spread[where], self.beyond[where], self.gaps[where],
-        )  # fmt: skip
-
-
-@dataclass(slots=True)
 class Watcher:
     """A device that is watched.
 
@@ -127,7 +93,7 @@ class Watcher:
     lost: int = field(default=0, init=False)
     outside: int = field(default=0, init=False)
     explanations: list[Explanation] = field(default_factory=list, init=False)
-    _pending: _Pending | None = field(default=None, init=False)
+    _pending: Pending | None = field(default=None, init=False)
     _last: tuple[float, float] | None = field(default=None, init=False)
     _unjudged: int = field(default=0, init=False)
     _is_outside: bool = field(default=False, init=False)
@@ -259,7 +225,7 @@ class Watcher:
         self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
         if facts["pending"] is not None:
             event, exceedance, *rows = facts["pending"]
-            self._pending = _Pending(event, Exceedance(**exceedance), *rows)
+            self._pending = Pending(event, Exceedance(**exceedance), *rows)
         self.baseline.expectation.restore(facts["expectation"])
         self.baseline.beginning.restore(facts["beginning"])
         self.history.table = arrays["history"]
@@ -279,7 +245,7 @@ class Watcher:
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
         columns = np.column_stack([np.ones(len(rows)), pasts, doubt_of(pasts, base.noise_um)])
-        block = _Block(
+        block = Block(
             rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
             columns, base.spread(expected, before_um, steps), base.range.outside(rows.voltage_V, expected),
             np.where(steps > A_GAP * base.interval_s, GAP, 0),
@@ -295,7 +261,7 @@ class Watcher:
             yield from self._stretch(part)
         return min(begin, len(rows))
 
-    def _stretch(self, block: "_Block") -> Iterator[Event]:
+    def _stretch(self, block: Block) -> Iterator[Event]:
         rows, residual = block.rows, block.residual_um
         kinds = block.gaps + np.where(block.beyond, NOT_JUDGED, JUDGED)
         settling = min(self._unjudged, len(rows))
@@ -423,7 +389,7 @@ class Watcher:
         }
         if self._stands(int(rows[first])):
             event |= {"suspects": [], "advice": [ADVICE]}
-        self._pending = _Pending(event, found, int(rows[first]), self.settings.explain_rows)
+        self._pending = Pending(event, found, int(rows[first]), self.settings.explain_rows)
         return event
 
     def _silence(self) -> Event:
@@ -455,7 +421,7 @@ class Watcher:
         """Return whether the reading has not moved since a row, while the device should."""
         return is_still(*self._since_row(row), self.baseline.noise_um, self._stroke_um, self._repeats)
 
-    def _moves_again(self, waiting: _Pending) -> Iterator[Event]:
+    def _moves_again(self, waiting: Pending) -> Iterator[Event]:
         """Go on as before an alarm of a reading that stood, where it moves again."""
         if not moves(
             *self._since_row(max(waiting.first_row, self.rows - STRETCH + 1)), self.baseline.noise_um, self._stroke_um
@@ -563,10 +529,10 @@ class Watcher:
         if learned is not None:
             self._go_on(model, first, *learned)
 
-    def _diagnosed(self, waiting: _Pending, first: int, names: list[str], *, is_end: bool) -> Explanation | None:
+    def _diagnosed(self, waiting: Pending, first: int, names: list[str], *, is_end: bool) -> Explanation | None:
         """Return what a diagnosis of the rows since a change says; None where it has to wait for more of them."""
         assert self.model is not None
-        record = _first(every := record_since(self.history, first), waiting.rows)
+        record = first_rows(every := record_since(self.history, first), waiting.rows)
         self.tell(f"diagnosing {len(record)} rows since the change")
         found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
         noise = self.baseline.noise
@@ -615,13 +581,6 @@ class Watcher:
             if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
                 yield _told_trend(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
-
-
-def _first(record: Record, rows: int) -> Record:
-    if len(record) <= rows:
-        return record
-    columns: dict[str, Any] = {name: values[:rows] for name, values in record.columns().items()}
-    return Record(**columns, quantities=record.quantities)
 
 
 def _told_trend(found: Trend) -> Event:

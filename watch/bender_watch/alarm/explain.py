@@ -105,6 +105,14 @@ def record_since(history: History, place: int) -> Record:
     return Record(time, *columns, command_time_s=acting if late else None)
 
 
+def first_rows(record: Record, rows: int) -> Record:
+    """Return the first rows of a record, all where there are no more."""
+    if len(record) <= rows:
+        return record
+    columns: dict[str, Any] = {name: values[:rows] for name, values in record.columns().items()}
+    return Record(**columns, quantities=record.quantities)
+
+
 def explain(
     base: Model,
     record: Record,

@@ -94,7 +94,7 @@ class Beginning:
             stream.begin(begin_s - stood_s(own), ends[0])
             known = [*ends[1:], voltage_V] if before else ends[1:]
             if known:
-                stream.advance(begin_s + self.interval_s * np.arange(len(known)), np.array(known))
+                stream.advance(begin_s + self.interval_s * np.arange(len(known), dtype=np.float64), np.array(known))
 
     def _made(self) -> list[Stream]:
         if self.model is None:
@@ -168,7 +168,7 @@ def fitted(e: Array, columns: Array, deviations: Array) -> tuple[Array, Array]:
     amplitudes, covariance, scale = np.zeros(deviations.size), np.diag(deviations**2), 1.0
     for _ in range(ROUNDS):
         own = columns[near]
-        covariance = np.linalg.inv(own.T @ own / scale**2 + beforehand)
+        covariance = np.linalg.inv(own.T @ own / scale**2 + beforehand).astype(np.float64)
         amplitudes = covariance @ (own.T @ e[near]) / scale**2
         left = np.abs(e - columns @ amplitudes)
         scale = max(1.0, 1.4826 * float(np.median(left))) if e.size else 1.0

@@ -362,7 +362,7 @@ def _calibration(expected: Array, measured: Array, usable: Mask, pasts: Array) -
         left = np.where(usable, measured - np.column_stack([expected, np.ones(expected.size), pasts]) @ found, 0.0)
         spread = 1.4826 * float(np.median(np.abs(left[kept])))
         kept = usable & (np.abs(left) <= 6.0 * spread + 1e-12)
-    return float(found[0]), float(found[1]), found[2:]
+    return float(found[0]), float(found[1]), found[2:].astype(np.float64)
 
 
 def _jitter_s(e: Array, rate_um_per_s: Array, noise: Noise) -> float:
