@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `beginning` | what came before a record |
 | `candidates` | effects of the catalogue as small changes of a model |
 | `expectation` | expected readings and signatures, row by row: of a model, of an FMU |
 | `learn` | from a model and its training record to a baseline |
