@@ -20,7 +20,8 @@ def test_a_level_is_passed_at_the_same_instant_in_any_unit(
 ) -> None:
     """Units are powers of two: only what counts as negligible may differ."""
     unit = 2.0**power
-    own, scaled = first_crossing(*course, level), first_crossing(*(unit * x for x in course), unit * level)
+    u0, um, u1 = course
+    own, scaled = first_crossing(*course, level), first_crossing(unit * u0, unit * um, unit * u1, unit * level)
     assert scaled == pytest.approx(own, abs=1e-6) or min(abs(course[0] - level), abs(course[2] - level)) < 1e-6
 
 
