@@ -4,7 +4,6 @@ A parameter is a dataclass field whose name ends with its unit (`thickness_m`, `
 has no ending. The same metadata makes the checks, the model file, the FMI variables and the documentation.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -14,6 +13,8 @@ from typing import Any
 _SUFFIX = {"1": ""}
 _SHOWN = 100
 _LARGEST = 1.7976931348623157e308
+WIDEST = 1e30
+"""Of a number that no unit bounds: FMI tools want an end, and squares of it are still numbers."""
 
 
 class ModelError(ValueError):
@@ -35,8 +36,8 @@ def parameter(
     default: Any,
     *,
     unit: str,
-    low: float = -math.inf,
-    high: float = math.inf,
+    low: float = -WIDEST,
+    high: float = WIDEST,
     text: str,
     tunable: bool = False,
 ) -> Any:

@@ -16,6 +16,7 @@ from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
 from bender_discrepancy.report.signature.views import VIEWS
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import load_model
+from bender_plant.parameter import WIDEST
 from bender_report.wording import unit_text
 
 BEAM = load_model("beam")
@@ -49,7 +50,10 @@ def table_under(text: str, heading: str) -> list[list[str]]:
 
 
 def limits(cell: str) -> tuple[float, float] | None:
-    return None if cell == "–" else tuple(float(x) for x in cell.split(" … "))  # pyright: ignore[reportReturnType]
+    if cell == "–":
+        return None
+    low, high = (float(x.replace("∞", repr(WIDEST))) for x in cell.split(" … "))
+    return low, high
 
 
 def test_the_catalogue_is_that_of_the_contract_along_the_chain():

@@ -9,7 +9,13 @@ from bender_discrepancy.effects.effect import CALIBRATION
 
 PACKAGE = Path(bender_discrepancy.__file__).parent
 IDS = {name for name, x in EFFECTS.items() if x.stage != CALIBRATION}
-OF_A_MODEL = {"fitting/own_numbers.py", "foreign/container_stages.py", "foreign/relaxation_model.py", "workflow.py"}
+OF_A_MODEL = {
+    "fitting/own_numbers.py",
+    "foreign/container_stages.py",
+    "foreign/relaxation_model.py",
+    "foreign/slow_copy.py",
+    "workflow.py",
+}
 """They take models apart that may have such blocks of their own, and import these."""
 
 

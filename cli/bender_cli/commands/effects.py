@@ -155,7 +155,11 @@ def _covered_and_typical(effect: "Effect", name: str) -> tuple[str | None, ...]:
 
 
 def _range(limits: tuple[float, float] | None) -> str | None:
-    return None if limits is None else f"{limits[0]:g} to {limits[1]:g}"
+    from bender_plant.parameter import WIDEST
+
+    if limits is None:
+        return None
+    return " to ".join(f"{x:g}" if abs(x) < WIDEST else "∞" if x > 0.0 else "-∞" for x in limits)
 
 
 def _indented(text: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from bender_discrepancy.effects.effect import OTHER_RIGS, Effect
 from bender_plant.blocks import BLOCKS, STAGES, Block
+from bender_plant.parameter import WIDEST
 from bender_report.wording import unit_text
 
 INDEX = "docs/effects/index.md"
@@ -164,7 +165,11 @@ def _table(heads: list[str], rows: list[list[str]]) -> str:
 
 
 def _range(limits: tuple[Any, ...] | None) -> str:
-    return "–" if limits is None else f"{limits[0]:g} … {limits[1]:g}"
+    return "–" if limits is None else " … ".join(_end(x) for x in limits[:2])
+
+
+def _end(limit: float) -> str:
+    return f"{limit:g}" if abs(limit) < WIDEST else "∞" if limit > 0.0 else "-∞"
 
 
 def _read(path: Path) -> str:
