@@ -40,6 +40,7 @@ def watched(record: Record, how: Settings = HOW) -> tuple[Watcher, list[Event]]:
     return watcher, [*watcher.begin_record("own", rows), *watcher.take(rows)]
 
 
+@pytest.mark.slow
 def test_a_gain_that_fades_is_one_trend_through_all_its_alarms() -> None:
     watcher, events = watched(recorded(2, 30_000, 0.02))
     assert sum(x["event"] == "alarm" for x in events) > 3
@@ -65,6 +66,7 @@ def test_a_corrected_model_does_not_cut_a_trend(monkeypatch: pytest.MonkeyPatch)
     assert gain.now == pytest.approx(-0.02, abs=0.0015)
 
 
+@pytest.mark.slow
 def test_what_stands_is_told_as_a_trend_no_more_often_than_was_said() -> None:
     told = sum(x["event"] == "trend" for seed in range(20, 32) for x in watched(recorded(seed, 30_000))[1])
     # 3.6 at most in the mean for each of gain and offset, were all looks at them independent; half of that are found
