@@ -301,6 +301,7 @@ def _pairs(asked: "Asked", fmu: Path, out: Path) -> tuple[object, bool]:
     """Every fault of every pair of source and sensor, one run each; a table with a row for each pair."""
     from concurrent.futures import ThreadPoolExecutor
 
+    from bender_loop.shell.files import finite, result_text, write_atomically
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.bench_trials.pair_faults import LIMITS, PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
 
@@ -328,6 +329,8 @@ def _pairs(asked: "Asked", fmu: Path, out: Path) -> tuple[object, bool]:
             broken = "; ".join(f"{cell.fault}: {cell.broken}" for cell in part if cell.broken)
             counts = (outcomes.count(word) for word in ("off", "alarm", "refused"))
             rows.append([source, sensor, len(part), *counts, f"{longest_s:.2f}", broken or "-"])
+            so_far = {"cells": [asdict(cell) for cell in found]}
+            write_atomically(folder / "cells.json", result_text(finite(so_far), default=str))
             progress.update(number, len(cells), f"{source}, {sensor}")
     columns = ["source", "sensor", "faults", "off", "alarm", "refused", "longest, s", "broken"]
     print_table("faults of pairs of source and sensor", columns, rows)
