@@ -20,7 +20,7 @@ from bender_watch.alarm.loop_effect import LoopFigures, loop_figures, worth_tuni
 
 FEWEST_ROWS = 64
 NOISE_DEVIATIONS = 3.0
-"""By which the mean square of what is left may lie above that of the noise."""
+"""Deviations by which the mean square of the residual may exceed that of the noise."""
 CALIBRATION = ("gain_error", "offset")
 
 
@@ -68,7 +68,7 @@ class Explanation:
     diagnosis: Diagnosis | None = None
 
     def is_settled(self, noise_um: float, white: float = 1.0) -> bool:
-        """Return whether more rows are not needed: something is named, or what is left is the noise of the device.
+        """Return whether the rows suffice: something is named, or the residual is the noise of the device.
 
         A diagnosis learns the noise from the rows that it explains. The watch knows it from the training record, and
         that there is a change: "nothing is missing" beside more than that noise says that the rows were too few.

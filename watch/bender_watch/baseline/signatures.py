@@ -33,7 +33,7 @@ class Group:
 
 
 def told_apart(effects: Sequence[str], whitened: Array, first: int) -> list[Group]:
-    """Return the groups of signatures that a record tells apart.
+    """Return the groups of signatures that a record distinguishes.
 
     Whoever asks what a change was has level and gain free beside every effect, so effects are compared by what they add
     to these; one that adds next to nothing belongs to the nearer of them.
