@@ -205,6 +205,13 @@ def test_a_sensor_that_says_the_same_for_ever_is_frozen():
         assert _last(eyes).frozen == 0
 
 
+def test_a_coarse_sensor_may_repeat_itself_while_the_rest_position_is_taken():
+    with SensorEyes(Scripted([*[5.0] * 30, 5.1, *_noisy(500)]), lambda value: value) as eyes:
+        eyes.zero(5)
+        assert eyes.noise_um > 0.0
+        assert abs(_last(eyes, 0.05).tip_um or 1.0) < 0.1
+
+
 def test_what_is_outside_the_valid_range_or_the_calibration_is_no_tip():
     with SensorEyes(Scripted([*_noisy(20), 99.0]), lambda value: value, (0.0, 50.0)) as eyes:
         eyes.zero(10)

@@ -28,6 +28,8 @@ _CLOSING_S = 3.0
 _AHEAD_S = 0.01
 _REPEATS = 3
 """So many times the longest row of equal readings at rest is no accident any more: the sensor hangs."""
+_WAITED_FOR = 10
+"""So many times as many readings are taken at rest while they are all equal: a coarse sensor repeats itself."""
 
 
 class NoSensorError(InputError):
@@ -103,30 +105,29 @@ class SensorEyes:
             self._close()
 
     def zero(self, count: int) -> float:
-        """Take the rest position from the next `count` readings.
+        """Take the rest position from the next `count` readings, or more of a sensor whose steps are coarse.
 
         Raises:
-            RunError: there are no readings, or none that is valid.
+            RunError: there are no readings, none that is valid, or all are the same for ten times as long.
         """
         values_um: list[float] = []
         sight = None
-        end_s = time.perf_counter() + _FIRST_READING_S + count * _WAIT_S
         taken = longest = 0
-        while taken < count:
+        while taken < count or (taken < _WAITED_FOR * count and self._hangs(values_um)):
             sight = self.look(_WAIT_S)
             if sight is not None:
                 taken += 1
                 longest = max(longest, self._run)
                 values_um += [] if sight.tip_um is None else [sight.tip_um]
-            elif time.perf_counter() > end_s:
+            elif self.stalled_s() > _FIRST_READING_S:
                 why = f": {self._failure}" if self._failure else "; is it connected?"
                 raise RunError(f"the sensor gave {taken} readings, expected {count}{why}")
-        if 2 * len(values_um) < count:
+        if 2 * len(values_um) < taken:
             lost = "" if sight is None or sight.lost is None else f": {sight.lost}"
-            raise RunError(f"rest position: {len(values_um)} of {count} readings are valid{lost}")
-        if longest >= count and not self._repeats_count:
+            raise RunError(f"rest position: {len(values_um)} of {taken} readings are valid{lost}")
+        if self._hangs(values_um):
             raise RunError(
-                f"rest position: all {count} readings are {values_um[-1]:g} µm, without any noise; is the sensor live? "
+                f"rest position: all {taken} readings are {values_um[-1]:g} µm, without any noise; is the sensor live? "
                 "One that has no noise needs sensor.repeats_count = true"
             )
         self._rest_um += float(np.mean(values_um))
@@ -167,6 +168,9 @@ class SensorEyes:
     def trouble(self) -> str:
         """What the sensor itself raised since its newest reading, empty where it raised nothing."""
         return self._failure
+
+    def _hangs(self, values_um: list[float]) -> bool:
+        return len(set(values_um)) == 1 and not self._repeats_count
 
     def _outside(self, value: float) -> str | None:
         if not math.isfinite(value):
