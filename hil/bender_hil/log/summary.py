@@ -59,10 +59,11 @@ def summarise(log: RunLog) -> Summary:
     end = log.guard_entry("end") or {}
     began = log.guard_entry("ramp")
     off_s, harmless_s = end.get("off_s"), end.get("harmless_s")
+    newest, limit_s = max(applied, default=-1), deadline_s(log)
     return Summary(
         ticks=len(log.ticks),
         skipped=sum(tick["skipped"] for tick in log.ticks[1:]),
-        late=sum(_is_late(tick, applied, deadline_s(log)) for tick in log.ticks),
+        late=sum(_is_late(tick, applied, newest, limit_s) for tick in log.ticks),
         lost=sum(tick["measured_um"] is None for tick in log.ticks),
         clamped=int(end.get("clamped", 0)),
         slowed=int(end.get("slowed", 0)),
@@ -79,11 +80,11 @@ def deadline_s(log: RunLog) -> float:
     return float(log.start.get("deadline_s") or log.start.get("period_s") or np.inf)
 
 
-def _is_late(tick: Entry, applied: dict[int, float], deadline_s: float) -> bool:
+def _is_late(tick: Entry, applied: dict[int, float], newest: int, limit_s: float) -> bool:
     sequence = tick["sequence"]
     if sequence in applied:
-        return bool(tick["late"]) or applied[sequence] - tick["grabbed_s"] > deadline_s
-    was_overtaken = bool(applied) and sequence < max(applied)
+        return bool(tick["late"]) or applied[sequence] - tick["grabbed_s"] > limit_s
+    was_overtaken = sequence < newest
     return bool(tick["late"]) or was_overtaken
 
 

@@ -19,7 +19,9 @@ def to_record(log: RunLog) -> Record | None:
     which leaves the mean voltage of the row as it was. `exposure_s` is there where the bench file says it.
     """
     applied, measured = log.by_sequence("applied"), log.by_sequence("measured")
-    rows = _in_order([tick for tick in log.ticks if _known(tick, applied)])
+    # ticks after the last that the guard took never reached the supply
+    newest = max(applied, default=-1)
+    rows = _in_order([tick for tick in log.ticks if tick["sequence"] <= newest])
     if len(rows) < 2:
         return None
     delay_s = float(log.start.get("delay_s") or 0.0)
@@ -42,11 +44,6 @@ def to_record(log: RunLog) -> Record | None:
         if np.isnan(columns[name]).all():
             del columns[name]
     return Record(time_s, voltage_V, **columns)
-
-
-def _known(tick: Entry, applied: dict[int, Entry]) -> bool:
-    """Whether the guard has taken the tick; those after the last that it took never reached the supply."""
-    return bool(applied) and tick["sequence"] <= max(applied)
 
 
 def _in_order(ticks: list[Entry]) -> list[Entry]:
