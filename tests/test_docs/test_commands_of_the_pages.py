@@ -22,6 +22,7 @@ PAGES = [
 NOT_RUN = {
     "bender demo": "tests/test_studies/test_demo.py",
     "bender reproduce": "tests/test_studies/test_reproduce.py",
+    "bender hil nexus": "tests/test_hil/test_nexus.py",
     "bender hil --profile": "tests/test_hil/test_hil_command.py",
     "bender hil --watch": "tests/test_hil/test_live_browser.py",
     "bender investigate": "tests/test_investigate/test_investigate_command.py",
