@@ -1,6 +1,7 @@
 """`bender diagnose --fmu F --output A --output B`: several outputs, each by itself and all together."""
 
 import argparse
+import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,12 +30,14 @@ def diagnosed_outputs(
         settings: how records are read.
 
     Returns:
-        0, or 130 after an interrupt, with the outputs that are complete.
+        0, or 130 after an interrupt, with the outputs that are complete and what `--resume` goes on from.
 
     Raises:
         InputError: the FMU, a record or the output directory will not do; nothing was written.
         RunError: the FMU failed; the outputs that are complete are written.
+        KeyboardInterrupt: before an output was complete.
     """
+    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.errors import RunError
 
@@ -45,12 +48,17 @@ def diagnosed_outputs(
         found, problem = _found(arguments, records, parameters, settings, kept)
         if found is not None:
             kept.together(found)
+        elif problem is None:
+            kept.unfinished()
+        for name in kept.done:  # of the run that goes on
+            shutil.rmtree(arguments.out / folders[name], ignore_errors=True)
     told = f"the diagnoses of {', '.join(kept.done)} are in {arguments.out}"
     if problem is not None:
         raise RunError(f"{problem}; {told}")
     if found is None:
-        sys.stderr.write(f"bender: interrupted; {told}\n")
+        sys.stderr.write(f"bender: interrupted; {told}; go on with --resume {arguments.out}\n")
         return INTERRUPTED
+    (arguments.out / UNFINISHED).unlink(missing_ok=True)
     _say(found, arguments.out)
     return 0
 
@@ -74,17 +82,26 @@ class _Kept:
 
         write(found, self._folders, self._stage)
 
+    def unfinished(self) -> None:
+        """Write what was fitted so far, for `--resume`."""
+        from bender_discrepancy.fitting.journal import UNFINISHED, current_journal
+        from bender_loop.shell.files import write_atomically
+
+        journal = current_journal()
+        if journal is not None:
+            write_atomically(self._stage / UNFINISHED, journal.to_json())
+
 
 def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[str, str]:
     """Return the folder of each output, where nothing stands in the way."""
     from bender_discrepancy.foreign.outputs_report import folders_of
     from bender_loop.errors import InputError
 
-    if arguments.resume is not None:
-        raise InputError("--resume: found with several outputs, expected one --output")
     if arguments.fmu is None:
         raise InputError(f"--output: found {len(columns)} without --fmu, expected an FMU that has them")
     folders = folders_of(list(columns))
+    if arguments.out == arguments.resume:
+        return folders
     for folder in folders.values():
         if (arguments.out / folder).exists():
             raise InputError(f"{arguments.out / folder}: is there already; choose another --out")
@@ -115,7 +132,8 @@ def _found(
             ), None  # fmt: skip
         except KeyboardInterrupt:
             if not kept.done:
-                raise
+                # what was ranked is of one output: it is no diagnosis of all of them
+                raise KeyboardInterrupt from None
             return None, None
         except RunError as problem:
             if not kept.done:
