@@ -15,6 +15,7 @@ from bender_hil.calibration.sensor_scale import SensorCalibration, fit_sensor
 from bender_hil.runner.picture_checks import NoiseCheck
 from bender_hil.runner.program import Decision
 from bender_hil.runner.tip_camera import Sight
+from bender_hil.sensors import sensor_eyes
 from bender_hil.sensors.meter_dialect import METERS
 from bender_hil.sensors.multimeter import Multimeter, MultimeterSettings
 from bender_hil.sensors.pace import Pace
@@ -136,7 +137,7 @@ def test_a_calibration_comes_back_from_its_file(tmp_path):
 
 @dataclass
 class Scripted:
-    """A sensor that gives what it is told to, 200 times a second."""
+    """A sensor that gives what it is told to, 200 times a second if not told otherwise."""
 
     values: list[float]
     unit: str = "um"
@@ -144,6 +145,7 @@ class Scripted:
     serials: list[str] = field(default_factory=lambda: ["1"])
     fails_at: int = -1
     blocks_at: int = -1
+    pause_s: float = 0.005
     gone_after: int = -1
     count: int = 0
     opened: int = 0
@@ -155,7 +157,7 @@ class Scripted:
         return Identity("me", "scripted", self.serials[min(self.opened, len(self.serials)) - 1], "1")
 
     def read(self, timeout_s: float) -> Reading | None:
-        time.sleep(0.005)
+        time.sleep(self.pause_s)
         self.count += 1
         if self.count == self.fails_at:
             raise OSError("cable")
@@ -210,6 +212,22 @@ def test_a_coarse_sensor_may_repeat_itself_while_the_rest_position_is_taken():
         eyes.zero(5)
         assert eyes.noise_um > 0.0
         assert abs(_last(eyes, 0.05).tip_um or 1.0) < 0.1
+
+
+def test_a_sensor_that_repeats_itself_is_given_up_in_time(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sensor_eyes, "_WAITED_FOR_S", 0.1)
+    with SensorEyes(Scripted([5.0]), lambda value: value) as eyes, pytest.raises(RunError, match="all") as refused:
+        eyes.zero(100)
+    assert int(str(refused.value).split()[3]) < 400
+
+
+def test_a_slow_sensor_is_not_a_silent_one(monkeypatch: pytest.MonkeyPatch):
+    """Twelve readings take longer than what a silent sensor is given."""
+    monkeypatch.setattr(sensor_eyes, "_FIRST_READING_S", 1.0)
+    with SensorEyes(Scripted(_noisy(50), pause_s=0.25), lambda value: value) as eyes:
+        eyes.zero(12)
+    with SensorEyes(Scripted(_noisy(50), blocks_at=5), lambda value: value) as eyes, pytest.raises(RunError, match="4"):
+        eyes.zero(12)
 
 
 def test_what_is_outside_the_valid_range_or_the_calibration_is_no_tip():

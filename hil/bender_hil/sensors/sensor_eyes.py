@@ -28,8 +28,8 @@ _CLOSING_S = 3.0
 _AHEAD_S = 0.01
 _REPEATS = 3
 """So many times the longest row of equal readings at rest is no accident any more: the sensor hangs."""
-_WAITED_FOR = 10
-"""So many times as many readings are taken at rest while they are all equal: a coarse sensor repeats itself."""
+_WAITED_FOR, _WAITED_FOR_S = 10, 10.0
+"""So many times as many readings, and so much longer, while all at rest are equal: a coarse sensor repeats itself."""
 
 
 class NoSensorError(InputError):
@@ -108,15 +108,17 @@ class SensorEyes:
         """Take the rest position from the next `count` readings, or more of a sensor whose steps are coarse.
 
         Raises:
-            RunError: there are no readings, none that is valid, or all are the same for ten times as long.
+            RunError: there are no readings, none that is valid, or all are the same.
         """
         values_um: list[float] = []
         sight = None
         taken = longest = 0
-        while taken < count or (taken < _WAITED_FOR * count and self._hangs(values_um)):
+        end_s = 0.0
+        while taken < count or (taken < _WAITED_FOR * count and time.perf_counter() < end_s and self._hangs(values_um)):
             sight = self.look(_WAIT_S)
             if sight is not None:
                 taken += 1
+                end_s = time.perf_counter() + _WAITED_FOR_S if taken <= count else end_s
                 longest = max(longest, self._run)
                 values_um += [] if sight.tip_um is None else [sight.tip_um]
             elif self.stalled_s() > _FIRST_READING_S:
@@ -127,8 +129,8 @@ class SensorEyes:
             raise RunError(f"rest position: {len(values_um)} of {taken} readings are valid{lost}")
         if self._hangs(values_um):
             raise RunError(
-                f"rest position: all {taken} readings are {values_um[-1]:g} µm, without any noise; is the sensor live? "
-                "One that has no noise needs sensor.repeats_count = true"
+                f"rest position: all {len(values_um)} readings are {values_um[-1]:g} µm, without any noise; is the "
+                "sensor live? One that has no noise needs sensor.repeats_count = true"
             )
         self._rest_um += float(np.mean(values_um))
         self._longest_run = max(1, longest)
