@@ -1,5 +1,6 @@
 """Diagnosis of several outputs of one FMU: each by itself, and what they say together."""
 
+import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs import diagnose_outputs as diagnose_records
 from bender_discrepancy.foreign.outputs_report import content, folders_of, sentence, write
 from bender_discrepancy.output_folder import all_or_no_files
+from bender_discrepancy.pickling import pickle_with_closures
 from bender_discrepancy.settings import Beginning, Settings
 from bender_loop.errors import InputError
 from bender_loop.records.variables import variables_of
@@ -87,6 +89,9 @@ class OutputsDiagnosis:
         frames = {name: x.to_frame() for name, x in self.by_itself.items()}
         return pd.concat(frames, names=["output"]).reset_index(level="output").reset_index(drop=True)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (pickle_with_closures(self.outcome),)
+
     def __repr__(self) -> str:
         return f"<OutputsDiagnosis {self.verdict}: {self.sentence}>"
 
@@ -100,6 +105,10 @@ class OutputsDiagnosis:
             rows.append((name, x.verdict, ", ".join(y.id for y in x.added) or "nothing", *told))
         columns = ("output", "verdict", "missing", "recalibrated", "by itself", "together", "noise")
         return html_table(self.sentence, columns, rows)
+
+
+def _unpickled(outcome: bytes) -> OutputsDiagnosis:
+    return OutputsDiagnosis(pickle.loads(outcome))
 
 
 @name_arguments_in_errors

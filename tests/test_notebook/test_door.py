@@ -19,6 +19,7 @@ from bender_cli.main import main
 from bender_export.archive import unpacked
 from bender_loop.control.pid import Gains
 from bender_loop.records.record import Record, write_record
+from piezo_bender.several_outputs import OutputsDiagnosis
 from piezo_bender.shared import options_as_arguments
 
 # patient with a machine that does other things at the same time
@@ -523,6 +524,12 @@ def test_what_a_loaded_record_does_not_have_is_refused(arm_table: pd.DataFrame, 
         pb.diagnose_outputs(arm_table, arm, ["tip"], input_name="command")
     with pytest.raises(pb.InputError, match="further: found without fmu"):
         pb.compare(record, further={"load": "load"})
+
+
+def test_a_diagnosis_of_several_outputs_pickles_with_the_functions_of_its_forms():
+    add = 2
+    found = OutputsDiagnosis(lambda x: x + add)  # pyright: ignore[reportArgumentType]
+    assert pickle.loads(pickle.dumps(found)).outcome(1) == 3
 
 
 @pytest.mark.slow
