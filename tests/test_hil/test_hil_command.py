@@ -137,7 +137,8 @@ def test_a_camera_that_fails_ends_the_run_with_the_output_off(
     if state != "zeroing":
         assert cell.code in ("camera_stalled", "frame_age", "lost_tip", "travel", "frozen")
         assert cell.code == "frozen" or fault not in ("clock", "torn")
-        assert len(list((tmp_path / "cell" / "run" / "frames").glob("*.png"))) >= 2
+        # a camera that stalls at the first volt has given one frame since the rest position
+        assert list((tmp_path / "cell" / "run" / "frames").glob("*.png"))
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -68,7 +68,7 @@ GAINS = "[parallel]\nproportional_V_per_um = 0.2\nintegral_V_per_um_s = 2.0\nder
 MOST_MISHAPS, MOST_MISSES = 5, 3
 LOOK_S = 0.05
 _LONGEST_S = 900.0
-_MODULES = {"guard": b"bender_hil.guard", "page server": b"live.page_server", "STOP button": b"live.stop_button"}
+_MODULES = {"guard": b"bender_hil.guard\0", "page server": b"live.page_server", "STOP button": b"live.stop_button"}
 
 
 @dataclass(frozen=True, slots=True)
