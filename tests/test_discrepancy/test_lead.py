@@ -243,7 +243,7 @@ def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_pat
     assert set(result["lead"]) == {"equation", "terms", "explains", "rows", "in_model"}
     assert [x["unit"] for x in result["lead"]["terms"]] == ["1/s", "um/V2"]
     lines = " ".join(" ".join(summary(findings, measured, result, tmp_path)).split())
-    assert f"lead {result['lead']['equation']}, covers" in lines
+    assert f"{result['lead']['equation']}, explains" in lines
     page = report_page(findings, measured, result, found)
     text = " ".join(re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")).split())
     assert found.text in text
@@ -251,7 +251,7 @@ def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_pat
     assert page.count('aria-label="the residual over time, and what the equation gives"') == 2
     without = outcome(findings, measured, ["one.csv"], None, Lead(None, reason="there are too few readings"))
     assert (without["lead"], without["no_lead"]) == (None, "there are too few readings")
-    assert "no sparse equation was found: there are too few" in " ".join(
+    assert "no equation for the rest was found: there are too few" in " ".join(
         " ".join(summary(findings, measured, without, tmp_path)).split()
     )
     assert "was found: there are too few readings." in report_page(

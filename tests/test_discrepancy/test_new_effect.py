@@ -46,7 +46,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     skipped = shutil.ignore_patterns("__pycache__", "*.fmu")
     for name in (*ROOMS, "docs/effects", "tests/effect_examples", "tests/test_plant"):
         shutil.copytree(ROOT / name, root / name, ignore=skipped)
-    for name in ("chain_oracle.py", "few.py"):
+    for name in ("chain_oracle.py", "few.py", "plant_runs.py"):
         shutil.copy(ROOT / "tests" / name, root / "tests" / name)
     shutil.copy(ROOT / "pyproject.toml", root)
     return root
