@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.effects.form import Free
+from bender_plant.kernels.bouc_wen import along
 
 OTHER_DEVICE = Sizes(10.0, 5.0, 600.0, 0.5, piezo_bender=False, highest_Hz=10.0)
 
@@ -39,6 +40,19 @@ def test_a_mode_that_does_not_ring_or_for_ever_and_a_leak_within_a_row_are_no_an
     assert leak.ends_without_answer(leak.low)
     assert not damping.ends_without_answer(0.5)
     assert leak.high > OTHER_DEVICE.duration_s
+
+
+def test_a_loop_that_never_saturates_is_no_answer():
+    """At one end of gamma the loop grows with the amplitude for ever; at the other it unloads along a line."""
+    loops = [form for form in forms(OTHER_DEVICE) if form.effect == "rate_independent_hysteresis"]
+    shares = [x for form in loops for x in form.free if x.name == "gamma_over_beta"]
+    assert shares
+    for share in shares:
+        assert share.ends_without_answer(share.low)
+        assert not share.ends_without_answer(share.high)
+        for gamma in (share.low, 0.0, share.high):
+            far, farther = (along(0.0, change, 1.0, 1.0, gamma, 1.0) for change in (20.0, 40.0))
+            assert (farther > 1.5 * far) == share.ends_without_answer(gamma)
 
 
 def test_lags_of_another_device_reach_as_far_as_its_record():

@@ -74,7 +74,8 @@ def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
     free = (
         sizes.sized(amplitude("alpha_um_per_V", 0.02, 10.0), COVERED["alpha_um_per_V"], "um/V"),
         scale("width_V", 0.02 * sizes.span_V, sizes.span_V, 4),
-        Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1),
+        # near -1 nothing saturates: the loop grows as long as the voltage goes on, and is lost at each reversal
+        Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1, no_answer_at="low"),
     )
     if not reversible:
         return Form("rate_independent_hysteresis", "Bouc-Wen", free, apply, memory=True, timed=False)
