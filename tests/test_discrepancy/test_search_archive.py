@@ -16,6 +16,7 @@ from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form
 from bender_discrepancy.records.observations import hardly_steps, observe
 from bender_discrepancy.records.roles import blocks_of
+from bender_discrepancy.search import transfer
 from bender_discrepancy.search.archive import Archive, left_square
 from bender_discrepancy.search.judgement.grades import grade
 from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
@@ -104,6 +105,27 @@ def test_the_archive_prefers_what_is_there(search: SearchResult) -> None:
     assert archive.difference(search.found.base, search.best).deviations < 0.0
     assert archive.by_square()[0] is search.best
     assert archive.bare(None) is search.found.base
+
+
+def test_what_is_no_model_is_no_rival() -> None:
+    """A rival whose reading has a gain beyond all bounds fits the rows, but no model can be written of it."""
+    found = lagging(("sensor_lag", (0.06,)))
+    rivals = [x.id for x in grade(Searched(found.archive, found.found.base, found.best), RULES).effects[0].rivals]
+    assert rivals == ["sensor_lag"]
+    at = next(k for k, x in enumerate(found.archive.fits) if x.hypothesis.effects == ("sensor_lag",))
+    wild = found.archive.fits[at]
+    found.archive.fits[at] = replace(wild, calibration=replace(wild.calibration, gain=1e6))
+    assert grade(Searched(found.archive, found.found.base, found.best), RULES).effects[0].rivals == ()
+
+
+@pytest.mark.parametrize(("elsewhere", "chosen"), [(0.5, "source_resistance"), (5.0, "sensor_lag")])
+def test_what_is_worse_elsewhere_than_no_effect_is_not_carried(
+    elsewhere: float, chosen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = lagging(("sensor_lag", (0.06,)), ("thermal_drift", (0.5, 5.0)))
+    squares = {"": 1.0, "source_resistance": elsewhere, "sensor_lag": 0.6, "thermal_drift": 0.9}
+    monkeypatch.setattr(transfer, "transfer_square", lambda _, x: squares["".join(x.hypothesis.effects)])
+    assert transfer.best_carried(found.archive, RULES, found.best).hypothesis.effects == (chosen,)
 
 
 def test_the_simplest_is_chosen_that_predicts_as_well() -> None:

@@ -25,6 +25,7 @@ class Budget:
         behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
         flexible: part of what a simple form removes, by which a flexible one must promise more.
         finalists: hypotheses that are fitted again without the ends of the records.
+        leaders: such hypotheses of other forms, where the best one is worse there than no effect at all.
         turns: rounds in which effects are replaced by better ones.
         work_substeps: simulated in a search, and more for every row, before a step is not begun any more; as much
             again for every effect that was found. A million take some 0.2 s of one core.
@@ -51,6 +52,7 @@ class Budget:
     behind: float = 4.0
     flexible: float = 0.05
     finalists: int = 5
+    leaders: int = 20
     turns: int = 2
     work_substeps: float = 4e7
     work_per_row: float = 3e4

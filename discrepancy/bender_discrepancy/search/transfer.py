@@ -24,8 +24,14 @@ LAST, LARGEST = 2, 3
 def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
     """Return the hypothesis, or the finalist that predicts clearly better where neither was fitted.
 
-    A finalist is as simple, and predicts blocks as well as the hypothesis does, but for chance.
+    A finalist is as simple, and predicts blocks as well as the hypothesis does, but for chance. A hypothesis that is
+    worse there than no effect at all is carried nowhere: whatever predicts all rows best that it was not fitted to
+    takes its place, however many numbers it has.
     """
+    square, bare = transfer_square(archive.problem, best), archive.bare(best.hypothesis.structure) or archive.fits[0]
+    if best.hypothesis.parts and square > transfer_square(archive.problem, bare):
+        leaders = [best, bare, *_leaders(archive, rules)]
+        return min(leaders, key=lambda x: archive.square(x) + transfer_square(archive.problem, x))
     finalists, most = [best], rules.complexity(archive, best)
     for x in archive.by_fit():
         if len(finalists) > BUDGET.finalists:
@@ -35,9 +41,21 @@ def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
         is_new = all(x.hypothesis.effects != y.hypothesis.effects for y in finalists)
         if is_new and rules.is_in_range(archive, x) and not rules.gains(archive, best, x):
             finalists.append(x)
-    squares = [transfer_square(archive.problem, x) for x in finalists]
+    squares = [square, *(transfer_square(archive.problem, x) for x in finalists[1:])]
     least = int(np.argmin(squares))
     return finalists[least] if squares[least] < (1.0 - rules.inadequacy) * squares[0] else best
+
+
+def _leaders(archive: Archive, rules: Rules) -> list[Fitted]:
+    """Return the hypotheses that leave least, the best one of each set of forms."""
+    found: dict[tuple[str, ...], Fitted] = {}
+    for x in archive.by_fit():
+        forms = tuple(sorted(part.form.name for part in x.hypothesis.parts))
+        if forms not in found and rules.is_in_range(archive, x):
+            found[forms] = x
+        if len(found) == BUDGET.leaders:
+            break
+    return list(found.values())
 
 
 def transfer_square(problem: FitProblem, fitted: Fitted) -> float:

@@ -64,17 +64,23 @@ def _preisach(count: int, degree: int, sizes: Sizes) -> Form:
 
 
 def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
+    """Return a loop that saturates within the span: its knee is 1 / (beta + gamma), whatever gamma over beta is.
+
+    With the knee of beta alone, a loop with gamma near -beta goes on growing beyond the voltages that showed it.
+    """
+
     def apply(model: Model, values: Values) -> Model:
-        alpha, width, share, *back = values
+        alpha, knee, share, *back = values
+        beta = 1.0 / (knee * (1.0 + share))
         return model.with_block(
-            "rate_independent_hysteresis", form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=1.0 / width,
-            gamma_1_per_V=share / width, **dict(zip(REVERSIBLE, back, strict=False)),
+            "rate_independent_hysteresis", form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=beta,
+            gamma_1_per_V=share * beta, **dict(zip(REVERSIBLE, back, strict=False)),
         )  # fmt: skip
 
     free = (
         sizes.sized(amplitude("alpha_um_per_V", 0.02, 10.0), COVERED["alpha_um_per_V"], "um/V"),
-        scale("width_V", 0.02 * sizes.span_V, sizes.span_V, 4),
-        # near -1 nothing saturates: the loop grows as long as the voltage goes on, and is lost at each reversal
+        replace(scale("knee_V", 0.02 * sizes.span_V, sizes.span_V, 4), high=sizes.span_V),
+        # near -1 the loop is lost at once where the voltage turns
         Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1, no_answer_at="low"),
     )
     if not reversible:

@@ -245,7 +245,7 @@ def _rivals(
     *,
     complete: bool,
 ) -> list[Rival]:
-    """Return what has another effect in the place of one, each once, best first."""
+    """Return what has another effect in the place of one, each once, best first; what is no model is none of them."""
     own = set(best.hypothesis.effects)
     once: dict[str, Fitted] = {}
     for x in archive.by_fit(lacking):
@@ -254,6 +254,7 @@ def _rivals(
             others
             and len(x.hypothesis.parts) <= len(best.hypothesis.parts)
             and x.hypothesis.keeps_shown_of(best.hypothesis)
+            and (others[-1] in once or rules.is_in_range(archive, x))
         ):
             once.setdefault(others[-1], x)
     found = []

@@ -152,7 +152,8 @@ class Rules:
         what was read and what the linear structure reads then.
         """
         parts = fitted.hypothesis.parts
-        if abs(fitted.calibration.gain) > MOST_GAIN:
+        given = archive.problem.base.values().get("calibration.gain", 1.0)
+        if abs(fitted.calibration.gain * given) > MOST_GAIN:
             return False
         if len(parts) > 1 and any(ended_without_answer(x) for x in parts):
             return False
