@@ -79,7 +79,7 @@ def _device(findings: Findings, fitted: Fitted) -> Model:
     kept, given = _carried(findings, fitted), findings.model
     step_um = findings.lattice.step_um if findings.lattice and findings.lattice.is_simulated else 0.0
     model = corrected(findings.search.base, kept, step_um, findings.of_record)
-    for x in kept.hypothesis.parts:
-        model = straight_beyond(model, x.form.effect, given.valid) if given.valid else model
+    if given.valid:
+        model = straight_beyond(model, kept.hypothesis.effects, given.valid, findings.search.whole)
     said = f"a model with {listed(kept.hypothesis.effects) or 'no effect'}, which the records do not rule out"
     return replace(model, description=f"{said} beside that in model.toml", valid=given.valid)

@@ -80,20 +80,24 @@ def check(settings: Any, where: str) -> None:
             _check_number(number, meaning, f"{where}.{name}")
 
 
-def curve_end(default_V: float, which: str) -> Any:
-    """Declare the lowest or the highest voltage that a curve was learned from; beyond it the curve runs straight."""
-    return parameter(default_V, unit="V", low=-1e12, high=1e12, text=f"{which} voltage that the curve was learned from")
+def curve_end(default: float, which: str, unit: str = "V") -> Any:
+    """Declare the lowest or the highest voltage that a curve was learned from; beyond it the curve runs straight.
+
+    A curve of the displacement has its ends in um.
+    """
+    of = "voltage" if unit == "V" else "displacement"
+    return parameter(default, unit=unit, low=-1e12, high=1e12, text=f"{which} {of} that the curve was learned from")
 
 
-def check_straight(where: str, below_V: float, above_V: float) -> None:
+def check_straight(where: str, below: float, above: float, unit: str = "V") -> None:
     """Check the ends beyond which a curve runs straight.
 
     Raises:
         ModelError: the lower one is not below the upper one.
     """
-    if below_V >= above_V:
+    if below >= above:
         raise ModelError(
-            f"{where}.straight_below_V: found {below_V!r} beside straight_above_V = {above_V!r}, expected less"
+            f"{where}.straight_below_{unit}: found {below!r} beside straight_above_{unit} = {above!r}, expected less"
         )
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from bender_cli.main import main
 from bender_plant.blocks import electrostriction, rate_independent_hysteresis
+from bender_plant.kernels.curve import bent
 from bender_plant.model import load_model, model_from_table
 from bender_plant.parameter import ModelError
 from bender_plant.valid_range import ValidRange
@@ -59,8 +60,8 @@ def test_compare_says_that_a_record_leaves_it(
 
 @pytest.mark.parametrize("v", [-40.0, -10.0, -3.0, 0.0, 12.0, 20.0, 33.0])
 def test_a_curve_runs_straight_beyond_what_it_was_learned_from(v: float) -> None:
-    """Inside it is the power law; outside, a line with the value and the slope of the end."""
-    low, high, step = -10.0, 20.0, 1e-4
+    """Inside it is the power law; outside, the line from the origin through its end."""
+    low, high = -10.0, 20.0
 
     def cubic(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
         return rate_independent_hysteresis.reversible(x, 0.3, -0.02, 0.001, *ends)
@@ -68,10 +69,13 @@ def test_a_curve_runs_straight_beyond_what_it_was_learned_from(v: float) -> None
     def square(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
         return electrostriction.parabola(x, 0.01, 0.002, 0.0, *ends)
 
-    for law in (cubic, square):
+    def reading(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
+        return bent(x, 0.02, -1e-3, 1e-5, 1e-6, *ends)
+
+    for law in (cubic, square, reading):
         end = min(max(v, low), high)
-        slope = (law(end + step) - law(end - step)) / (2.0 * step)
-        assert law(v, (low, high)) == pytest.approx(law(end) + slope * (v - end), rel=1e-6, abs=1e-9)
+        expected = law(end) * v / end if end else 0.0
+        assert law(v, (low, high)) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 def test_the_ends_of_a_curve_lie_apart() -> None:

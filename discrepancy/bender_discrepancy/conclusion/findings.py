@@ -319,8 +319,7 @@ def _model(
     record = reference_record(search)
     model = corrected(base, replace(best, calibration=calibration), step_um, record)
     valid = _valid(search)
-    for x in search.best.hypothesis.parts:
-        model = straight_beyond(model, x.form.effect, valid)
+    model = straight_beyond(model, search.best.hypothesis.effects, valid, search.whole)
     covered = valid.in_words(search.records[0].quantities.command)
     return replace(model, description=f"{description}; learned from {covered}", valid=valid)
 

@@ -8,7 +8,7 @@ Far from zero it bends, by b:
     b > 0   w + c v^2 / (1 + b v^2)       the square of a polarisation that saturates, v / sqrt(1 + b v^2)
     b < 0   w + c v^2 (1 + |b| v^2)       the next even term: the film gets thinner, the field in it larger
 
-Beyond the voltages that it was learned from it runs on along its tangents.
+Beyond the voltages that it was learned from it runs on along the line from 0 V through its end.
 """
 
 from dataclasses import dataclass
@@ -56,9 +56,7 @@ def parabola(v: float, c: float, flattening: float, growth: float, low: float, h
     x = min(max(v, low), high)
     square = x * x
     shrunk = 1.0 + flattening * square
-    y = c * square * (1.0 + growth * square) / shrunk
-    slope = 2.0 * c * x * (1.0 + growth * square * (2.0 + flattening * square)) / (shrunk * shrunk)
-    return y + slope * (v - x)
+    return v * (c * x * (1.0 + growth * square) / shrunk)
 
 
 def beside(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bender_plant.kernels.curve import bent
-from bender_plant.parameter import check, parameter
+from bender_plant.parameter import check, check_straight, curve_end, parameter
 
 if TYPE_CHECKING:
     from bender_plant.composite_beam import CompositeBeam
@@ -32,19 +32,24 @@ class Parameters:
         0.0, unit="1/um3", text="c_4, radial distortion about another place", tunable=True
     )
     quintic_1_per_um4: float = parameter(0.0, unit="1/um4", text="c_5, second radial coefficient", tunable=True)
+    straight_below_um: float = curve_end(-1e12, "lowest", "um")
+    straight_above_um: float = curve_end(1e12, "highest", "um")
 
     def __post_init__(self) -> None:
         check(self, ID)
+        check_straight(ID, self.straight_below_um, self.straight_above_um, "um")
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (c_2, c_3, c_4, c_5)."""
+    """Return (c_2, c_3, c_4, c_5), and the levels beyond which the curve runs straight."""
     del beam
     return (
         settings.quadratic_1_per_um,
         settings.cubic_1_per_um2,
         settings.quartic_1_per_um3,
         settings.quintic_1_per_um4,
+        settings.straight_below_um,
+        settings.straight_above_um,
     )
 
 
@@ -59,5 +64,7 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Bend the reading."""
     del time_s, h
-    c2, c3, c4, c5 = constants
-    return state, bent(r0, c2, c3, c4, c5), bent(rm, c2, c3, c4, c5), bent(r1, c2, c3, c4, c5)
+    c2, c3, c4, c5, low, high = constants
+    start = bent(r0, c2, c3, c4, c5, low, high)
+    middle = bent(rm, c2, c3, c4, c5, low, high)
+    return state, start, middle, bent(r1, c2, c3, c4, c5, low, high)

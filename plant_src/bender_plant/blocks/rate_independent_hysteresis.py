@@ -11,8 +11,8 @@ to 15 % of the span; the paper's actuator shows a loop of at most 8.8 %.
 With the p_k alone the plays are those of Prandtl and Ishlinskii, whose loops are point-symmetric. Every Preisach
 operator is an integral of functions of plays over their half-widths (Brokate and Sprekels 1996, section 2.4); the
 squares and cubes are the first terms of these functions, s_1 to s_3 those of the part that returns the way it came.
-Beyond the voltages that they were learned from, the latter runs on along its tangents, and the plays weigh what they
-weigh at the end.
+Beyond the voltages that they were learned from, the latter runs on along the line from 0 V through its end, whose slope
+the records tell far better than that of the curve there, and the plays weigh what they weigh at the end.
 """
 
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ def corner(
 def reversible(v: float, s1: float, s2: float, s3: float, low: float, high: float) -> float:
     """Return the part that depends on the voltage alone, straight beyond both ends."""
     x = min(max(v, low), high)
-    return x * (s1 + x * (s2 + x * s3)) + (s1 + x * (2.0 * s2 + 3.0 * s3 * x)) * (v - x)
+    return v * (s1 + x * (s2 + x * s3))
 
 
 def lagging(x: float, v: float, p: float, q: float, c: float, low: float, high: float) -> float:

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.measurement.driver import Driver
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.records.observations import Observations
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 from bender_plant.model import Model
@@ -60,20 +62,25 @@ def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: 
     return model.with_block(READ_OFF, step_um=sensor_step_um) if sensor_step_um else model
 
 
-def straight_beyond(model: Model, block_id: str, valid: ValidRange) -> Model:
-    """Return a model whose curve in a block runs straight beyond the voltages that it was learned from, and 0 V.
+def straight_beyond(model: Model, effects: Sequence[str], valid: ValidRange, seen: Sequence[Observations]) -> Model:
+    """Return a model whose curves in the blocks of effects run straight beyond what they were learned from, and 0.
 
-    Powers that fit a range run away outside of it. A block without such ends stays as it is.
+    Powers that fit a range run away outside of it. Curves of the voltage end where the records do, those of the reading
+    where what comes before them went. A block without such ends stays as it is.
     """
-    blocks = []
-    for x in model.blocks:
-        known = {f.name for f in fields(x.parameters)}
-        if x.id == block_id and "straight_below_V" in known:
-            low_V, high_V = min(valid.lowest_V, 0.0), max(valid.highest_V, 0.0)
-            ends = replace(x.parameters, straight_below_V=low_V, straight_above_V=high_V)
-            blocks.append(replace(x, parameters=ends))
+    blocks = list(model.blocks)
+    for k, x in enumerate(model.blocks):
+        known = {f.name for f in fields(x.parameters)} if x.id in effects else set[str]()
+        if "straight_below_V" in known:
+            ends = {"straight_below_V": min(valid.lowest_V, 0.0), "straight_above_V": max(valid.highest_V, 0.0)}
+        elif "straight_below_um" in known:
+            before = replace(model, blocks=tuple(blocks[:k]))
+            levels = [Simulator(y.drive).run(before).reading_um for y in seen]
+            low, high = min(float(y.min()) for y in levels), max(float(y.max()) for y in levels)
+            ends = {"straight_below_um": min(low, 0.0), "straight_above_um": max(high, 0.0)}
         else:
-            blocks.append(x)
+            continue
+        blocks[k] = replace(x, parameters=replace(x.parameters, **ends))
     return replace(model, blocks=tuple(blocks))
 
 
