@@ -34,4 +34,4 @@ def picture(levels: np.ndarray, rng: np.random.Generator, noise: float = 2.0) ->
 
 
 def tracker(**changes: object) -> Tracker:
-    return Tracker(TrackerSettings(**changes), Calibration.told(SCALE, WIDTH, HEIGHT))  # pyright: ignore[reportArgumentType]
+    return Tracker(TrackerSettings(**changes), Calibration.of_scale(SCALE, WIDTH, HEIGHT))  # pyright: ignore[reportArgumentType]

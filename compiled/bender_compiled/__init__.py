@@ -2,7 +2,7 @@
 
 | module | holds |
 |---|---|
-| `abreast` | independent simulations side by side in threads |
+| `parallel_map` | independent simulations side by side in threads |
 | `background_compilation` | kernels compiled in a process beside this one |
 | `interrupts` | signals held back while compiled code runs |
 | `kernels` | compiled runs of a block over a whole signal, made from the very source of the block |

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from bender_compiled.abreast import cores
 from bender_compiled.kernels import block_run, kernels_folder
 from bender_compiled.linear_modes import LINEAR_MODES
+from bender_compiled.parallel_map import cores
 from bender_compiled.simulation import constants_of, has_linear_modes, initial_of, uncut_values
 from bender_plant.blocks import Block
 from bender_plant.model import Model

@@ -105,7 +105,7 @@ class Stream:
         """
         self._chains, self._feeds, self._states, self._time_s = [], {}, {}, None
         for model in self.models:
-            commands, acting = _parted(model)
+            commands, acting = _split_blocks(model)
             key: Key = tuple((block.id, parameters) for block, parameters in commands)
             self._chains.append((key, acting))
             self._feeds.setdefault(key, _Feed(commands, np.array([-LONG_AGO_S]), np.zeros(1)))
@@ -216,7 +216,7 @@ def _like(initial: Any, values: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(type(x)(y) for x, y in zip(initial, values, strict=True))
 
 
-def _parted(model: Model) -> tuple[tuple[tuple[Block, Any], ...], list[tuple[Block, Any]]]:
+def _split_blocks(model: Model) -> tuple[tuple[tuple[Block, Any], ...], list[tuple[Block, Any]]]:
     """Return the blocks in front of the plant, and those that act on the signal of the chain."""
     chain = effective_settings(model)
     commands = tuple(x for x in chain if x[0].command)

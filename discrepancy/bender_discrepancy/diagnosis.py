@@ -25,7 +25,7 @@ from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import figures_of
 from bender_discrepancy.rivals import RIVAL_FILES, RivalModel, rival_models
-from bender_discrepancy.witnesses.would_tell import Missing, would_tell
+from bender_discrepancy.witnesses.missing_columns import MissingColumn, missing_columns
 from bender_export.documentation import origin_page
 from bender_export.origin import REPORT as REPORT_IN_FMU
 from bender_export.origin import with_documents
@@ -86,12 +86,12 @@ class Diagnosis:
     @property
     def reason(self) -> str:
         """Why the verdict stands."""
-        return self._told["reason"]
+        return self._outcome["reason"]
 
     @property
     def sentence(self) -> str:
         """The verdict in a sentence."""
-        return self._told["sentence"]
+        return self._outcome["sentence"]
 
     @property
     def effects(self) -> tuple[ReportedEffect, ...]:
@@ -121,9 +121,11 @@ class Diagnosis:
         return rival_models(self.findings)
 
     @cached_property
-    def _told(self) -> dict[str, Any]:
+    def _outcome(self) -> dict[str, Any]:
         with shown_in(*self.quantities[:2]):
-            told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead, self._would_tell())
+            told = outcome(
+                self.findings, self.gap, self.names, self.next_experiment, self.lead, self._missing_columns()
+            )
             volts, model = driven_V(self.findings), self.findings.model
             # behind the effects an equation without a name may stand
             for entry, x in zip(told["effects"], self.findings.effects, strict=False):
@@ -138,22 +140,22 @@ class Diagnosis:
                 told["sentence"] = open_ or told["sentence"]
             return in_own_units(told, self.quantities)
 
-    def _would_tell(self) -> tuple[Missing, ...]:
+    def _missing_columns(self) -> tuple[MissingColumn, ...]:
         search = self.findings.search
         if self.verdict not in OPEN_VERDICTS or search.settings.untimed or self.quantities[:2] != USUAL[:2]:
             return ()
         open_effects = [frozenset(x.hypothesis.effects) for x in self.findings.leaders]
         if search.grades.commuting:
             open_effects = [frozenset({x.id}) for x in search.grades.effects if EFFECTS[x.id].same_on_other_side]
-        return would_tell(open_effects, search.records, is_film=is_piezo_bender(search.base))
+        return missing_columns(open_effects, search.records, is_film=is_piezo_bender(search.base))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` but for its provenance; every number in it is finite or None."""
-        return json.loads(json.dumps(self._told, allow_nan=False))
+        return json.loads(json.dumps(self._outcome, allow_nan=False))
 
     def to_json(self) -> str:
         """Return `diagnosis.json`."""
-        return result_text(self._told)
+        return result_text(self._outcome)
 
     def to_frame(self) -> "DataFrame":
         """Return the numbers of the effects and what was recalibrated, one row each (needs pandas).
@@ -165,12 +167,12 @@ class Diagnosis:
 
         added = {x.id for x in self.added}
         rows: list[dict[str, Any]] = []
-        for x in self._told["effects"]:
+        for x in self._outcome["effects"]:
             about = {"effect": x["id"], "stage": x["stage"], "in_model": x["id"] in added}
             sure = {"share_of_gap": x["share_of_gap"], "grade": x["grade"], "probability": x["probability"]}
             for name, p in x["parameters"].items() or [("", {})]:
                 rows.append(about | {"parameter": name} | _cells(p) | sure)
-        for name, p in self._told["recalibrated"].items():
+        for name, p in self._outcome["recalibrated"].items():
             about = {"effect": "recalibrated", "stage": "", "in_model": True, "parameter": name}
             rows.append(about | _cells(p | {"value": p["after"]}) | dict.fromkeys(("share_of_gap", "probability")))
         numbers = ["value", "before", "std", "low_95", "high_95", "share_of_gap", "probability"]
@@ -182,14 +184,14 @@ class Diagnosis:
         from bender_discrepancy.report.page import report_page
 
         with shown_in(*self.quantities[:2]):
-            return report_page(self.findings, self.gap, self._told, self.lead, chart_process)
+            return report_page(self.findings, self.gap, self._outcome, self.lead, chart_process)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
         from bender_discrepancy.report.summary import summary
 
         with shown_in(*self.quantities[:2]):
-            return list(summary(self.findings, self.gap, self._told, out))
+            return list(summary(self.findings, self.gap, self._outcome, out))
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the record with the largest gap, measured, recalibrated and corrected; return the axes drawn into."""
@@ -274,7 +276,7 @@ class Diagnosis:
             f"<tr><td>{k}</td><td>{quantity(v, self.quantities.reading)}</td></tr>" for k, v in stages.items()
         )
         effects = "".join(
-            f"<li><b>{html.escape(x['id'])}</b>: {html.escape(x['evidence'])}</li>" for x in self._told["effects"]
+            f"<li><b>{html.escape(x['id'])}</b>: {html.escape(x['evidence'])}</li>" for x in self._outcome["effects"]
         )
         return (
             f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>"

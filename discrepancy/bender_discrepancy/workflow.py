@@ -44,7 +44,7 @@ from bender_discrepancy.records.initial_motion import moving, started
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s
-from bender_discrepancy.search.full_record import Held, held, on_the_whole
+from bender_discrepancy.search.full_record import FullRecordCheck, check_on_full_record, verdict_on_full_record
 from bender_discrepancy.search.judgement.grades import grade, relevant_part
 from bender_discrepancy.search.judgement.verdict import decide
 from bender_discrepancy.search.moves import Catalogue, Kit
@@ -154,7 +154,7 @@ def _quickest_line_Hz(observations: Sequence[Observations], highest_Hz: float) -
 
 def _lowest_Hz(x: Observations) -> float:
     command_V = x.command_V
-    before_V = 0.0 if x.start == "rest" else x.stood_V
+    before_V = 0.0 if x.start == "rest" else x.rest_before_V
     return lowest_Hz(x.drive.command_time_s[-command_V.size :], command_V, before_V)
 
 
@@ -270,7 +270,7 @@ def conclude(
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
         share, error = (100.0 * x for x in gap.closed)
         least, effects = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
-        found = found.doubted(
+        found = found.without_certainty(
             f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in held-out readings, "
             f"less than {least:.0f} %",
             gap.closed[0],
@@ -387,7 +387,7 @@ def _searched(
     searched = without_unseen_modes(base, observations)
     problem = problem_of(searched, observations)
     sought = eligible(candidate_forms(searched, observations), how)
-    told = _told(searched, records, sought, how)
+    told = _testimony(searched, records, sought, how)
     supported = told.left(sought)
     candidates = affordable(searched, supported, observations)
     if not candidates:
@@ -406,7 +406,7 @@ def _searched(
     def begin(found: Searched) -> FitProblem | None:
         return better_beginning(found, others, rules) if others else None
 
-    def concluded(found: Searched, on_all: Held | None = None) -> SearchResult:
+    def concluded(found: Searched, on_all: FullRecordCheck | None = None) -> SearchResult:
         found = _finally(found)
         forms = catalogue.kit(found.best.hypothesis).forms
         found, given = rebased(found, searched)
@@ -416,7 +416,7 @@ def _searched(
         grades = grade(found, rules)
         verdict = decide(found, grades, rules)
         if on_all is not None:
-            verdict = on_the_whole(verdict, on_all, rules)
+            verdict = verdict_on_full_record(verdict, on_all, rules)
         untold = tuple(sorted(untried))
         return SearchResult(
             base if given is searched else given,
@@ -436,7 +436,7 @@ def _searched(
     kept: list[Searched] = []
     try:
         found = search(problem, catalogue, rules, tell, _kept_in(kept, records, how), begin)
-        on_all = held(cut, found, told.left(_slow(searched, cut, how))) if cut else None
+        on_all = check_on_full_record(cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
@@ -492,7 +492,7 @@ def _finally(found: Searched) -> Searched:
     return replace(found, best=best)
 
 
-def _told(base: Model, records: Sequence[Record], sought: Sequence[Form], how: Settings) -> Witnesses:
+def _testimony(base: Model, records: Sequence[Record], sought: Sequence[Form], how: Settings) -> Witnesses:
     """Return what other channels of the records testify; nothing where their rows have no times."""
     if how.untimed:
         return Witnesses()

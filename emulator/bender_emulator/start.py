@@ -41,7 +41,7 @@ class EmulatedSupply(ClosedAtExit):
             **own_group(),
         )
         try:
-            place = self._told(settings)
+            place = self._place(settings)
         except BaseException:
             self.close()
             raise
@@ -118,7 +118,7 @@ class EmulatedSupply(ClosedAtExit):
         if process.stdout is not None:
             process.stdout.close()
 
-    def _told(self, settings: SupplyEmulation) -> Message:
+    def _place(self, settings: SupplyEmulation) -> Message:
         stdin, stdout = self.process.stdin, self.process.stdout
         if stdin is None or stdout is None:
             raise RunError("the emulated supply has no pipes")

@@ -16,7 +16,7 @@ from bender_fleet.results.tables import Planned, write_tables
 from bender_fleet.sources.keys import folder_name, key_of
 from bender_fleet.sources.places import bytes_of
 from bender_fleet.sources.units import Unit
-from bender_fleet.work.job import BROKEN, DONE, FAILED, Job, Told, Work, contents_of, killed, run_job
+from bender_fleet.work.job import BROKEN, DONE, FAILED, Job, JobAnswer, Work, contents_of, killed, run_job
 from bender_loop.shell.progress import Progress
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def _work_off(action: str, client: "Client", jobs: Iterator[Job], total: int, co
         count.seconds = time.monotonic() - began
 
 
-def _taken(how: How, job: Job, told: Told | None, reason: str) -> str:
+def _taken(how: How, job: Job, told: JobAnswer | None, reason: str) -> str:
     """Write what the worker could not, and return the unit's status."""
     if told is None:
         write_part(how.out, job.folder, killed(job, reason), {})

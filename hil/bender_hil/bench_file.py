@@ -182,7 +182,7 @@ class BenchFile:
             calibration = Calibration.load(self.resolve(self.camera.calibration))
         else:
             scene = SceneSettings.from_table(self.emulator.scene if self.emulator is not None else {})
-            calibration = Calibration.told(scene.um_per_px, scene.width_px, scene.height_px)
+            calibration = Calibration.of_scale(scene.um_per_px, scene.width_px, scene.height_px)
         thick_px = self.vision.wire_um / calibration.um_per_px
         most_px = _LARGEST_WIRE * min(calibration.width_px, calibration.height_px)
         if not _LEAST_WIRE_PX <= thick_px <= most_px:

@@ -176,7 +176,7 @@ def _run(
     from bender_hil.log.ending import EndOfRun
     from bender_hil.log.results import write_results
     from bender_hil.runner.run import run as run_bench
-    from bender_hil.runner.run_lock import told_run
+    from bender_hil.runner.run_lock import sole_run_with_note
     from bender_loop.shell.progress import Progress
 
     bench = _bench(arguments)
@@ -185,7 +185,7 @@ def _run(
     try:
         with (
             followed(arguments, bench, program, read_model) as program,
-            told_run(bench.address, arguments.out, _complain),
+            sole_run_with_note(bench.address, arguments.out, _complain),
             watched(arguments) as page,
             Progress("run") as progress,
         ):

@@ -16,7 +16,7 @@ from bender_hil.log.results import RECORD, recover, write_results
 from bender_hil.runner.interrupts import Interrupted, Interrupts
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
 from bender_hil.runner.run import run
-from bender_hil.runner.run_lock import told_run
+from bender_hil.runner.run_lock import sole_run_with_note
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.safety import SLEW_SHARE, Allowed
@@ -104,7 +104,7 @@ class RealBench:
             return Played(None, 0.0, interrupted=True)
         with Interrupts() as interrupts:
             try:
-                with told_run(self._bench.address, folder, self._tell_once):
+                with sole_run_with_note(self._bench.address, folder, self._tell_once):
                     result = run(
                         self._bench,
                         program,

@@ -13,7 +13,7 @@ from bender_hil.log.ending import EndOfRun, conduct, count_swings, last_line
 from bender_hil.log.figures import step_figures
 from bender_hil.runner.run import RunResult
 from bender_hil.runner.run import run as run_on_bench
-from bender_hil.runner.run_lock import told_run
+from bender_hil.runner.run_lock import sole_run_with_note
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.files import finite
 from bender_native.ready import ready_plant_fmu
@@ -131,9 +131,14 @@ def run_bench(
     )
     program = make_program(words, wanted, read_gains)
     place = Path(out) if out is not None else Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    with told_run(wanted.address, place, progress):
+    with sole_run_with_note(wanted.address, place, progress):
         result = run_on_bench(
-            wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress), stop=stop
+            wanted,
+            program,
+            place,
+            fmu=lambda model: ready_plant_fmu(model),
+            witness=_progress_of_frames(progress),
+            stop=stop,
         )
     if result.interrupted:
         raise KeyboardInterrupt
@@ -142,7 +147,7 @@ def run_bench(
     return BenchRun(result, load_record(result.record))
 
 
-def _told(progress: Progress) -> "Callable[[Sight], None]":
+def _progress_of_frames(progress: Progress) -> "Callable[[Sight], None]":
     seen = 0
 
     def tell(sight: "Sight") -> None:

@@ -254,7 +254,7 @@ def _with_rms(figures: dict[str, Any], unit: str) -> dict[str, Any]:
     return figures
 
 
-class _Told:
+class _CountingPlant:
     """An FMU that tells how many steps it has done."""
 
     def __init__(self, plant: "FmuPlant", progress: Steps) -> None:
@@ -295,7 +295,7 @@ def _opened(
     progress: Steps,
     parameters: Mapping[str, float],
     quantities: Quantities,
-) -> "WatchedPlant | _Told":
+) -> "WatchedPlant | _CountingPlant":
     """Our own FMU in this process, any other one in a process of its own that is watched."""
     from bender_loop.fmu.plant import FmuPlant
     from bender_loop.fmu.process.watched import WatchedPlant
@@ -303,7 +303,7 @@ def _opened(
     if foreign:
         plant = WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress, quantities=quantities)
         return plant.with_parameters(parameters)
-    return _Told(FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters), progress)
+    return _CountingPlant(FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters), progress)
 
 
 def _plant_fmu(model: str | Path | Model | PlantModel) -> tuple[Path, str, str]:

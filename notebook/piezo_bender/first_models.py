@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from bender_identify.first_model.choice import FirstModel, first_model
 from bender_identify.first_model.course import experiments_of
+from bender_identify.first_model.report import columns as table_columns
+from bender_identify.first_model.report import facts, learned_model, sentences, table
 from bender_identify.first_model.structures import TEMPLATES
-from bender_identify.first_model.told import columns as table_columns
-from bender_identify.first_model.told import facts, learned_model, sentences, table
 from bender_identify.settings import InputHold
 from bender_loop.errors import RunError
 from bender_loop.records.record import in_units_of

@@ -15,7 +15,14 @@ from bender_report.wording import relabelled, shown_in
 from bender_tuner.model.python_control import ControlSystems, to_control
 from bender_tuner.results.summary import table_rows
 from bender_tuner.results.tuning_file import FmuFacts, tuning_document
-from bender_tuner.task.session import Session, open_guarded, open_rivals, posed, run_session, write_results
+from bender_tuner.task.session import (
+    Session,
+    open_guarded,
+    open_rivals,
+    pose_problem_in_units,
+    run_session,
+    write_results,
+)
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
 from piezo_bender.shared import (
@@ -187,7 +194,7 @@ def tune(
     foreign = fmu is not None
     opened = open_guarded(path, input_name, output_name, foreign=foreign, quantities=given, found=told)
     with opened as (plant, facts), open_rivals(plant, facts, told.rivals, foreign=foreign) as rivals:
-        problem = posed(plant, wanted, facts, report, rivals)
+        problem = pose_problem_in_units(plant, wanted, facts, report, rivals)
         session = run_session(plant, facts, problem, report, follow_model=follow_model)
         return TuningResult(session, facts)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from bender_compiled import background_compilation
-from bender_compiled.abreast import THREADS
 from bender_compiled.background_compilation import compile_blocks, compile_in_background
+from bender_compiled.parallel_map import THREADS
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

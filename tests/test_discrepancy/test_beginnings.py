@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of
 from scipy.linalg import expm
-from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.findings import find
@@ -102,8 +102,8 @@ def test_the_voltage_is_found_at_which_a_plant_stood(volts: float) -> None:
     found = standing_before(PAPER, seen)
     assert found is not None
     assert found.start == "from_voltage"
-    assert found.stood_V == pytest.approx(volts, rel=0.1)
-    assert found.drive.voltage_V[0] == found.stood_V
+    assert found.rest_before_V == pytest.approx(volts, rel=0.1)
+    assert found.drive.voltage_V[0] == found.rest_before_V
     assert np.array_equal(found.command_V, seen.command_V)
     simulated = Simulator(found.drive).run(PAPER).reading_um
     left = (found.measured_um - simulated)[found.usable]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import record_of, told
+from reported_diagnosis import record_of, told
 
 from bender_discrepancy.conclusion.findings import find, span_of
 from bender_discrepancy.conclusion.numbers import number

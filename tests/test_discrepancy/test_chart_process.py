@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from few import few
 
-from bender_compiled.abreast import THREADS
+from bender_compiled.parallel_map import THREADS
 from bender_discrepancy.report.chart_process import BESIDE, CHARTS, ChartProcess, charts_of
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.wording import shown_in

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import hypothesis, levels, record_of
+from reported_diagnosis import hypothesis, levels, record_of
 
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from told_diagnosis import hypothesis, record_of, told
+from reported_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.search.judgement.grades import contradicted, grade, relevant_part

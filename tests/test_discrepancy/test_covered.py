@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from few import few_rows
-from told_diagnosis import FRAME_S, levels
+from reported_diagnosis import FRAME_S, levels
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.catalogue import EFFECTS, Effect, Sizes

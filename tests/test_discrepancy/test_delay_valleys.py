@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import NOISE_um, levels, record_of
+from reported_diagnosis import NOISE_um, levels, record_of
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import Sizes

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy import read_model_description
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 from bender_cli.main import main
 from bender_discrepancy.output_folder import all_or_no_files

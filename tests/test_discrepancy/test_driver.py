@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bender_compiled.abreast import THREADS
+from bender_compiled.parallel_map import THREADS
 from bender_discrepancy.conclusion.measurement.corrected_model import driven
 from bender_discrepancy.conclusion.measurement.driver import Driver
 from bender_export.build import build_plant_fmu

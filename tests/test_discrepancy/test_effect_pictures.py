@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from told_diagnosis import NOISE_um, hypothesis, record_of, told
+from reported_diagnosis import NOISE_um, hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.report.effect_pictures import components

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 from bender_discrepancy.fitting import output_error
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of

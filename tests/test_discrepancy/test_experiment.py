@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
+from reported_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.command import run

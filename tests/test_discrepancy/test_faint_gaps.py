@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from few import few_rows
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.form import FAINTEST, Form, Free, scale, simple

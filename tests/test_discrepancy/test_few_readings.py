@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from told_diagnosis import hypothesis, record_of, told
+from reported_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.foreign.space_mapping import led_to
+from bender_discrepancy.foreign.space_mapping import extrapolate_values
 
 WIDE = Hypothesis((Part(Form("any", "any", (Free("x", -100.0, 100.0, False, (0.0,), 1.0),), lambda m, _: m), (0.0,)),))
 
@@ -18,9 +18,11 @@ WIDE = Hypothesis((Part(Form("any", "any", (Free("x", -100.0, 100.0, False, (0.0
 )
 def test_numbers_that_come_nearer_by_the_same_part_lead_to_their_limit(limit: float, off: float, part: float) -> None:
     first, second, third = ((limit + off * part**k,) for k in range(3))
-    assert led_to(WIDE, first, second, third).values()[0] == pytest.approx(limit, abs=1e-6 * (1.0 + abs(limit)))
+    assert extrapolate_values(WIDE, first, second, third).values()[0] == pytest.approx(
+        limit, abs=1e-6 * (1.0 + abs(limit))
+    )
 
 
 def test_where_they_lead_beyond_a_bound_the_bound_is_meant_and_at_rest_they_stay() -> None:
-    assert led_to(WIDE, (0.0,), (60.0,), (119.0,)).values() == (100.0,)
-    assert led_to(WIDE, (3.0,), (3.0,), (3.0,)).values() == (3.0,)
+    assert extrapolate_values(WIDE, (0.0,), (60.0,), (119.0,)).values() == (100.0,)
+    assert extrapolate_values(WIDE, (3.0,), (3.0,), (3.0,)).values() == (3.0,)

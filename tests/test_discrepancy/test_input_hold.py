@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from told_diagnosis import FRAME_S, NOISE_um, record_of
+from reported_diagnosis import FRAME_S, NOISE_um, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy import input_hold

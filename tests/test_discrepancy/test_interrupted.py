@@ -11,7 +11,7 @@ from typing import IO
 import numpy as np
 import pytest
 from few import few
-from told_diagnosis import hypothesis, levels, record_of, told
+from reported_diagnosis import hypothesis, levels, record_of, told
 
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
@@ -224,7 +224,7 @@ def test_a_journal_of_other_records_is_of_no_use(tmp_path: Path):
     problems = [problem_of(load_model("beam"), (observe(x),)) for x in (record, other, record)]
     key, another, again = (journal.key(x, Hypothesis(), "fit", 12, False) for x in problems)
     journal.entries[key] = {"values": None}
-    assert (journal.told(another), journal.told(again)) == (None, {"values": None})
+    assert (journal.recall(another), journal.recall(again)) == (None, {"values": None})
     assert journal.key(problems[0], Hypothesis(), "fit", 12, True) != key
     assert journal.key(problem_of(load_model("paper"), problems[0].observations), Hypothesis(), "fit", 12, False) != key
 

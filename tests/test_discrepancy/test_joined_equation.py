@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
-from told_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
+from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome

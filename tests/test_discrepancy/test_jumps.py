@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import hypothesis, levels, record_of
+from reported_diagnosis import hypothesis, levels, record_of
 
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.fitting.scans.jumps import FINER_AND_FINER, amid_what_fits, moved_in_jumps
+from bender_discrepancy.fitting.scans.jumps import FINER_AND_FINER, middle_of_equal_fits, minimise_in_jumps
 from bender_discrepancy.records.observations import observe
 from bender_plant.model import load_model
 
@@ -27,7 +27,7 @@ def test_a_value_is_moved_to_where_a_stair_of_squares_is_deepest(start: float, p
     def square_at(value: float) -> float:
         return float(np.floor(abs(value / deepest - 1.0) / height))
 
-    value, square = moved_in_jumps(start, square_at(start), square_at)
+    value, square = minimise_in_jumps(start, square_at(start), square_at)
     assert square == square_at(value) <= square_at(start)
     assert abs(value / deepest - 1.0) <= max(height, 2.0 * FINER_AND_FINER[-1])
 
@@ -37,12 +37,12 @@ def test_a_value_is_moved_to_where_a_stair_of_squares_is_deepest(start: float, p
 def test_of_what_fits_alike_the_middle_is_taken(low: float, width: float, place: float) -> None:
     high = low * (1.0 + width)
     value = low + place * (high - low)
-    middle = amid_what_fits(value, 1.0, lambda x: 0.5 if low <= x <= high else 2.0)
+    middle = middle_of_equal_fits(value, 1.0, lambda x: 0.5 if low <= x <= high else 2.0)
     assert abs(middle - 0.5 * (low + high)) <= 0.2 * (high - low)
 
 
 def test_a_middle_that_fits_worse_is_not_taken() -> None:
-    assert amid_what_fits(1.0, 1.0, lambda x: 0.5 if x == 1.0 or x > 1.00001 else 2.0) == 1.0
+    assert middle_of_equal_fits(1.0, 1.0, lambda x: 0.5 if x == 1.0 or x > 1.00001 else 2.0) == 1.0
 
 
 def _beside_creep(start_V: float, seed: int = 7) -> tuple[Fitted, Fitted]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from told_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
+from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import hypothesis, levels, record_of
+from reported_diagnosis import hypothesis, levels, record_of
 
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.level_cell import Cell, cell_of, cell_V, centred, is_undetermined

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
+from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome

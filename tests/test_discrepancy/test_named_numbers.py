@@ -3,12 +3,12 @@
 from typing import Any
 
 import pytest
-from told_diagnosis import NOISE_um, hypothesis, record_of
+from reported_diagnosis import NOISE_um, hypothesis, record_of
 
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import own_form, without_named
+from bender_discrepancy.fitting.own_numbers import own_form, part_without_named
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.rules import Rules
@@ -70,7 +70,7 @@ def test_a_fit_with_the_number_free_does_not_lack_the_effect() -> None:
 def test_numbers_without_a_name_stay_free() -> None:
     _, free, _ = free_beside_the_delay(DELAY)
     assert free.hypothesis.own is not None
-    rest = without_named(free.hypothesis.own, {"tip_mass"})
+    rest = part_without_named(free.hypothesis.own, {"tip_mass"})
     assert rest is not None
     assert [x.name for x in rest.form.free] == ["bending_modes.damping_ratio"]
-    assert without_named(free.hypothesis.own, {"tip_mass", "structural_damping"}) is None
+    assert part_without_named(free.hypothesis.own, {"tip_mass", "structural_damping"}) is None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from told_diagnosis import record_of
+from reported_diagnosis import record_of
 
 from bender_loop.records.record import Record
 

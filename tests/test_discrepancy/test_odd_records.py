@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
+from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.findings import find

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from reported_diagnosis import levels, record_of
 from scipy.optimize import lsq_linear
-from told_diagnosis import levels, record_of
 
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, FULL_STROKE_um, Sizes, powers_of_unit, scaling

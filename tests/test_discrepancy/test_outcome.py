@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
+from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.records.digits import lattice_step_um

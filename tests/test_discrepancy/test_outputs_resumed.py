@@ -74,7 +74,7 @@ def test_what_an_interrupt_advises_works(
     def ended(keep: Callable[..., None]) -> object:
         journal = current_journal()
         assert journal is not None
-        assert journal.told("fit") == [1.0]
+        assert journal.recall("fit") == [1.0]
         for name in ("tip", "force"):
             keep(name, _Diagnosed("again"))
         return SimpleNamespace()

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from few import few
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.fitting.fit_problem import FitProblem

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from reported_diagnosis import hypothesis, levels, record_of, told
 from scipy.optimize import brentq, fminbound
-from told_diagnosis import hypothesis, levels, record_of, told
 
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.effects.form import Free

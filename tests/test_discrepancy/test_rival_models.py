@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from told_diagnosis import hypothesis, record_of, told
+from reported_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.gap import measure

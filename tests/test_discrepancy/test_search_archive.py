@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
+from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis

@@ -14,8 +14,8 @@ from bender_discrepancy.foreign import outputs as outputs_module
 from bender_discrepancy.foreign.joint_explanations import (
     NOTHING,
     Correction,
-    Left,
     Output,
+    OutputResidual,
     corrections,
     rank_explanations,
 )
@@ -223,8 +223,8 @@ def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
     both = Correction(("transport_delay", "slew_limit"), MODEL, 2)
     outputs = [_output("a", delay), _output("b", both)]
     costs = {("a", 0): 900.0, ("a", 1): -100.0, ("a", 2): 700.0, ("b", 0): 900.0, ("b", 1): 300.0, ("b", 2): -100.0}
-    left = {(name, place, 0): Left(cost, 1.0) for (name, place), cost in costs.items()}
-    found = rank_explanations(outputs, left, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99).best
+    left = {(name, place, 0): OutputResidual(cost, 1.0) for (name, place), cost in costs.items()}
+    found = rank_explanations(outputs, left, {x: OutputResidual(-100.0, 1.0) for x in "ab"}, 0.99).best
     assert (found.each, found.effects, found.apart) == (False, {"transport_delay"}, {"b"})
     assert found.behind["b"].effects == ("slew_limit",)
 
@@ -232,7 +232,10 @@ def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
 def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> None:
     outputs = [_output("a", NOTHING), _output("b", NOTHING)]
     found = rank_explanations(
-        outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99
+        outputs,
+        {(x, 0, 0): OutputResidual(-100.0, 1.0) for x in "ab"},
+        {x: OutputResidual(-100.0, 1.0) for x in "ab"},
+        0.99,
     )
     still = SimpleNamespace(recalibrated=())
     alone = {
@@ -264,8 +267,8 @@ def test_outputs_that_found_the_same_numbers_have_no_corrections_of_their_own(ot
     """Whatever a residual that nobody explains makes of the criterion."""
     delay = Correction(("transport_delay",), MODEL.with_block("transport_delay", delay_s=0.06), 1)
     outputs = [_WithDelay(None, x, (delay,), (NOTHING,)) for x in ("a", other)]  # type: ignore[arg-type]
-    left = {(x, place, 0): Left(-100.0, 1.0) for x in ("a", other) for place in range(4)}
-    own = {x: Left(-200.0, 1.0) for x in ("a", other)}
+    left = {(x, place, 0): OutputResidual(-100.0, 1.0) for x in ("a", other) for place in range(4)}
+    own = {x: OutputResidual(-200.0, 1.0) for x in ("a", other)}
     apart = [x for x in rank_explanations(outputs, left, own, 0.99).ways if x.each]
     assert bool(apart) is each
 
@@ -273,9 +276,9 @@ def test_outputs_that_found_the_same_numbers_have_no_corrections_of_their_own(ot
 def test_a_way_has_to_be_better_by_more_than_chance() -> None:
     """Where an output sees neither good nor harm of a correction of the input, one for all is the simpler word."""
     outputs = [_output("a", NOTHING), _output("b", NOTHING)]
-    left = {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}
+    left = {(x, 0, 0): OutputResidual(-100.0, 1.0) for x in "ab"}
     for gain, each in ((5.0, False), (50.0, True)):
-        own = {"a": Left(-100.0 - gain, 1.0), "b": Left(-100.0, 1.0)}
+        own = {"a": OutputResidual(-100.0 - gain, 1.0), "b": OutputResidual(-100.0, 1.0)}
         found = rank_explanations(outputs, left, own, 0.99)
         assert found.best.each is each
         assert found.rivals() == ()
@@ -285,7 +288,10 @@ def test_a_way_has_to_be_better_by_more_than_chance() -> None:
 def test_what_an_output_has_inside_by_itself_is_no_matter_where_something_around_the_fmu_explains_it() -> None:
     outputs = [_output("a", NOTHING), _output("b", NOTHING)]
     found = rank_explanations(
-        outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99
+        outputs,
+        {(x, 0, 0): OutputResidual(-100.0, 1.0) for x in "ab"},
+        {x: OutputResidual(-100.0, 1.0) for x in "ab"},
+        0.99,
     )
     one = SimpleNamespace(added=(SimpleNamespace(id="tip_mass"),), model=load_model("paper"))
     told = Together({"a": one, "b": one}, found, {}, {}, needing_inside=frozenset("b"))  # type: ignore[arg-type]

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reported_diagnosis import hypothesis, record_of, told
 from scipy.signal import lfilter
-from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.measurement.gap import after_calibration, recalibrated_readings

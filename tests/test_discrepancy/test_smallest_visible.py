@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from told_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
+from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.smallest_visible import Smallest, _size, smallest_visible

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from told_diagnosis import hypothesis, levels, record_of
+from reported_diagnosis import hypothesis, levels, record_of
 
 from bender_discrepancy.fitting import output_error
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of

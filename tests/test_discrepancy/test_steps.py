@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from told_diagnosis import NOISE_um, record_of, told
+from reported_diagnosis import NOISE_um, record_of, told
 
 from bender_discrepancy import workflow
 from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um

@@ -6,7 +6,7 @@ from few import few
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import hypothesis
+from reported_diagnosis import hypothesis
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of

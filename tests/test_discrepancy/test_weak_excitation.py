@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from told_diagnosis import record_of
+from reported_diagnosis import record_of
 
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import search_records

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from few import few
-from told_diagnosis import FRAME_S, record_of
+from reported_diagnosis import FRAME_S, record_of
 
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes

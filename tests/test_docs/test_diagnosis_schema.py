@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from few import few
 from jsonschema import Draft202012Validator
-from told_diagnosis import hypothesis, levels, record_of, told
+from reported_diagnosis import hypothesis, levels, record_of, told
 
 from bender_cli.main import main
 from bender_discrepancy.conclusion.diagnosis_json import outcome

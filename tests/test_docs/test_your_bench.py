@@ -32,7 +32,7 @@ def _as_it_stands(name: str, bench: EmulatedBench, folder: Path) -> Path:
     text = re.sub(r'resource = "[^"]*"', lambda _: f'resource = "{next(addresses)}"', text)
     if bench.sensor_resource is None:
         text = text.replace("source = 0", f'source = "{bench.stream}"')
-        Calibration.told(1.5).save(folder / "calibration.toml")
+        Calibration.of_scale(1.5).save(folder / "calibration.toml")
     text = text.replace('device = "Dev1"', f'device = "{bench.sensor_resource}"\nbackend = "{daq_stand_in.__name__}"')
     text = text.replace("[guard]\n", f"[guard]\n{PATIENT}") if "[guard]" in text else f"{text}[guard]\n{PATIENT}"
     (folder / "bench.toml").write_text(text)

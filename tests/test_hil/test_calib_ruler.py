@@ -140,7 +140,7 @@ def test_bad_file_is_refused_by_name(tmp_path: Path, text: str | None, expected:
 
 
 def test_bad_values_are_named():
-    good = Calibration.told(1.5)
+    good = Calibration.of_scale(1.5)
     for change, named in (
         ({"um_per_px": math.nan}, "um_per_px"), ({"distortion": 0.5}, "distortion"), ({"width_px": 1.5}, "width_px"),
         ({"uncertainty": -1.0}, "uncertainty"), ({"source": 1}, "source"),
@@ -150,7 +150,7 @@ def test_bad_values_are_named():
 
 
 def test_to_um_is_odd_about_the_centre_and_linear_without_distortion():
-    straight, bent = Calibration.told(1.5), replace(Calibration.told(1.5), distortion=0.02)
+    straight, bent = Calibration.of_scale(1.5), replace(Calibration.of_scale(1.5), distortion=0.02)
     assert straight.to_um(319.5 + 10.0, 239.5 - 4.0) == pytest.approx((15.0, -6.0))
     there, back = bent.to_um(400.0, 300.0), bent.to_um(239.0, 179.0)
     assert there == pytest.approx((-back[0], -back[1]))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_hil.log.ending import EndOfRun, conduct, last_line
-from bender_hil.log.expectation import missing_frames, unexpected
+from bender_hil.log.expectation import missing_frames, unexpected_behaviour
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.summary import summarise
 
@@ -56,7 +56,7 @@ def _loop(
 
 
 def _line(log: RunLog) -> str:
-    return last_line(conduct(summarise(log), 0, None, unexpected(log)), PLANNED)
+    return last_line(conduct(summarise(log), 0, None, unexpected_behaviour(log)), PLANNED)
 
 
 @given(
@@ -64,7 +64,9 @@ def _line(log: RunLog) -> str:
     gain=st.floats(0.5, 1.0), log_creep=st.floats(0.0, 0.1),
 )  # fmt: skip
 def test_a_loop_that_works_is_as_planned(seed: int, aim_um: float, noise_um: float, gain: float, log_creep: float):
-    assert unexpected(_loop(seed=seed, aim_um=aim_um, noise_um=noise_um, gain=gain, log_creep=log_creep)) == []
+    assert (
+        unexpected_behaviour(_loop(seed=seed, aim_um=aim_um, noise_um=noise_um, gain=gain, log_creep=log_creep)) == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -97,7 +99,7 @@ def test_the_last_tenth_of_a_run_counts_and_not_its_last_moment():
     for late, is_reached in ((slice(-14, -3), False), (slice(-60, -20), True)):
         beside_um = tip_um.copy()
         beside_um[late] += 3.0
-        found = unexpected(_log(beside_um.tolist(), command_V.tolist(), 20.0))
+        found = unexpected_behaviour(_log(beside_um.tolist(), command_V.tolist(), 20.0))
         assert ("not reached" not in " ".join(found)) is is_reached
 
 
@@ -106,7 +108,9 @@ def test_the_inverse_of_a_model_alone_reaches_no_set_point_by_itself():
     gains = {"proportional_V_per_um": 0.0, "integral_V_per_um_s": 0.0, "derivative_V_s_per_um": 0.0}
     for integral, is_remarked in ((0.0, False), (3.0, True)):
         told = {**log.start["program"], "gains": {**gains, "integral_V_per_um_s": integral, "filter_time_s": 0.1}}
-        assert bool(unexpected(RunLog(Path(), {**log.start, "program": told}, log.ticks, (), ()))) is is_remarked
+        assert (
+            bool(unexpected_behaviour(RunLog(Path(), {**log.start, "program": told}, log.ticks, (), ()))) is is_remarked
+        )
 
 
 def test_a_set_point_that_never_rests_excuses_no_tip_that_goes_the_other_way():
@@ -163,6 +167,6 @@ def test_a_camera_a_little_beside_its_rate_misses_nothing():
 
 def test_a_bench_that_expects_nothing_is_told_nothing_of_the_direction():
     log = _log([0.0] * 100, list(np.linspace(0.0, 40.0, 100)), None)
-    assert unexpected(log) != []
+    assert unexpected_behaviour(log) != []
     quiet = {**log.start, "bench": {**BENCH, "controller": {"response_um_per_V": 0.0, "slack_V": 10.0}}}
-    assert unexpected(RunLog(Path(), quiet, log.ticks, (), ())) == []
+    assert unexpected_behaviour(RunLog(Path(), quiet, log.ticks, (), ())) == []

@@ -39,7 +39,7 @@ def test_every_fault_ends_a_run_that_follows_a_model_with_the_output_off(
 ):
     bench.supply.power_on()
     clear_faults(bench.control_port)
-    Calibration.told(1.5).save(tmp_path / "calibration.toml")
+    Calibration.of_scale(1.5).save(tmp_path / "calibration.toml")
     camera = CameraTable(source=bench.stream, calibration=str(tmp_path / "calibration.toml"), zero_frames=5)
     fmu = ensure_plant_fmu("bench")
     tuned = tuned_on(fmu)

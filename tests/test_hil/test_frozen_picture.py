@@ -20,7 +20,7 @@ from bender_loop.shell.opencv import import_cv2
 
 pytest.importorskip("cv2")
 
-SETTINGS, CALIBRATION = TrackerSettings(), Calibration.told(1.5)
+SETTINGS, CALIBRATION = TrackerSettings(), Calibration.of_scale(1.5)
 WIDTH_PX = SETTINGS.wire_um / CALIBRATION.um_per_px
 SCENES = {
     "usual": SceneSettings(),
@@ -41,7 +41,7 @@ def _watch(images: Iterator[Image], turned: str = "left") -> tuple[Stillness, Tr
     settings = TrackerSettings(enters_from=turned)
     first = [next(images) for _ in range(15)]
     height, width = first[0].shape
-    tracker = Tracker(settings, Calibration.told(1.5, width, height))
+    tracker = Tracker(settings, Calibration.of_scale(1.5, width, height))
     tracker.zero(first)
     stillness = Stillness(settings, WIDTH_PX)
     stillness.learn(first)

@@ -88,7 +88,7 @@ def _run(
     clear_faults(bench.control_port)
     folder = out.parent.parent / "files"
     folder.mkdir()
-    Calibration.told(1.5).save(folder / "calibration.toml")
+    Calibration.of_scale(1.5).save(folder / "calibration.toml")
     (folder / "bench.toml").write_text(
         f'[supply]\nresource = "{bench.resource}"\n'
         f'[camera]\nsource = "{bench.stream}"\ncalibration = "calibration.toml"\nzero_frames = 5\n{PATIENT}'

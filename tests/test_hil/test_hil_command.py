@@ -48,7 +48,7 @@ def as_if_real(bench: EmulatedBench, tmp_path: Path) -> Path:
     """A bench file as for hardware, whose addresses happen to be the emulator's."""
     bench.supply.power_on()
     clear_faults(bench.control_port)
-    Calibration.told(1.5).save(tmp_path / "calibration.toml")
+    Calibration.of_scale(1.5).save(tmp_path / "calibration.toml")
     path = tmp_path / "bench.toml"
     path.write_text(
         f'[supply]\nresource = "{bench.resource}"\n'

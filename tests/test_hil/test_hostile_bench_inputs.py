@@ -48,7 +48,7 @@ REAL = '[supply]\nresource = "ASRL1::INSTR"\n[camera]\nsource = 0\ncalibration =
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    Calibration.told(1.5).save(tmp_path / "calibration.toml")
+    Calibration.of_scale(1.5).save(tmp_path / "calibration.toml")
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe")
     return tmp_path

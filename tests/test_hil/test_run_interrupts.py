@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bender_hil.runner.interrupts import Interrupted, Interrupts
-from bender_hil.runner.run_lock import sole_run, told_run
+from bender_hil.runner.run_lock import sole_run, sole_run_with_note
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 
@@ -127,14 +127,14 @@ def test_two_runs_on_one_supply_are_refused_and_the_lock_ends_with_its_holder(
 def test_a_second_run_is_told_of_the_first_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     told: list[str] = []
-    with told_run(None, Path("first"), told.append):
+    with sole_run_with_note(None, Path("first"), told.append):
         assert told == []
-        with told_run(None, Path("second"), told.append):
+        with sole_run_with_note(None, Path("second"), told.append):
             pass
     (sentence,) = told
     assert sentence.startswith(f"note: another run is going on on this machine (process {os.getpid()}, ")
     assert "\n" not in sentence
-    with told_run(None, Path("third"), told.append):
+    with sole_run_with_note(None, Path("third"), told.append):
         assert len(told) == 1
 
 

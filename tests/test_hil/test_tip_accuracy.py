@@ -69,7 +69,7 @@ def test_wire_may_enter_anywhere(border, positive, turn, bright):
         rest, moved = 255 - rest, 255 - moved
     height, width = rest.shape
     settings_ = TrackerSettings(enters_from=border, positive=positive, bright=bright)
-    eye = Tracker(settings_, Calibration.told(SCALE, width, height))
+    eye = Tracker(settings_, Calibration.of_scale(SCALE, width, height))
     eye.zero([rest])
     tip = eye.locate(np.ascontiguousarray(moved))
     assert tip.lost is None

@@ -81,7 +81,7 @@ def stream() -> Iterator[Stream]:
 @pytest.mark.parametrize("honest", [True, False])
 @pytest.mark.parametrize("share", [0.02, 0.2, 0.4])
 def test_a_stream_that_is_cut_above_the_wire_is_noticed(stream: Stream, share: float, honest: bool):
-    calibration = Calibration.told(1.5)
+    calibration = Calibration.of_scale(1.5)
     settings = TrackerSettings()
     with Camera(stream.address, frames_per_s=RATE) as camera:
         eyes = CameraEyes(camera, Tracker(settings, calibration), Stillness(settings, 10.0))

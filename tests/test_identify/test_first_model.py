@@ -14,8 +14,8 @@ from scipy.signal import TransferFunction, lsim
 from bender_cli.main import main
 from bender_identify.first_model.choice import MOST_IN_VAIN, FirstModel, Scored, first_model, is_better, select
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
+from bender_identify.first_model.report import choice_sentence, doubt_sentence, explained_share, numbers
 from bender_identify.first_model.structures import STRUCTURES, Structure
-from bender_identify.first_model.told import choice_sentence, doubt_sentence, explained_share, numbers
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record, write_record

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, foreign_fmu, needs_compiler
 from matplotlib.figure import Figure
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 import piezo_bender as pb
 from bender_cli.main import main

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from told_diagnosis import record_of
+from reported_diagnosis import record_of
 
 from bender_discrepancy.search.judgement.rules import RULES
 from bender_loop.records.record import write_record

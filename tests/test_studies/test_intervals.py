@@ -13,7 +13,7 @@ from bender_studies.hidden_effects.exposed_record import exposed_record
 from bender_studies.hidden_effects.intervals import (
     DEVIATIONS,
     KNOWN,
-    Told,
+    StatedInterval,
     bench_of,
     exposure_of,
     intervals,
@@ -23,15 +23,17 @@ from bender_studies.hidden_effects.intervals import (
 )
 
 
-def told(found: float, deviation: float, effect: str = "dead_zone", truth: float = 2.0, rate_Hz: float = 0.0) -> Told:
-    return Told(1, "case", effect, truth, rate_Hz, "named", found, deviation)
+def told(
+    found: float, deviation: float, effect: str = "dead_zone", truth: float = 2.0, rate_Hz: float = 0.0
+) -> StatedInterval:
+    return StatedInterval(1, "case", effect, truth, rate_Hz, "named", found, deviation)
 
 
 def test_an_interval_of_95_percent_is_1_96_deviations_wide() -> None:
     assert pytest.approx(1.96, abs=1e-3) == DEVIATIONS
     assert told(2.19, 0.1).covers
     assert not told(2.20, 0.1).covers
-    assert not told(math.nan, 0.1).is_told
+    assert not told(math.nan, 0.1).has_interval
     assert not told(2.0, math.inf).covers
 
 

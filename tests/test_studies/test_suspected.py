@@ -50,9 +50,9 @@ def test_an_effect_was_picked_among_all_starts_and_a_parameter_among_those_named
     effects = cast(Any, SimpleNamespace(added=[SimpleNamespace(id="creep"), SimpleNamespace(id="dead_zone")]))
     nothing = cast(Any, SimpleNamespace(added=[]))
     moved = cast(Any, SimpleNamespace(parameters=("a",), unseen={"b": "why", "c": "why"}))
-    assert Account(effects, None).picked(300) == pytest.approx(4.0 * math.log(300))
-    assert Account(nothing, moved).picked(300) == pytest.approx(2.0 * math.log(3))
-    assert Account(nothing, None).picked(300) == 0.0
+    assert Account(effects, None).selection_cost(300) == pytest.approx(4.0 * math.log(300))
+    assert Account(nothing, moved).selection_cost(300) == pytest.approx(2.0 * math.log(3))
+    assert Account(nothing, None).selection_cost(300) == 0.0
 
 
 @pytest.mark.slow

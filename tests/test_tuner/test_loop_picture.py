@@ -10,7 +10,7 @@ from bender_loop.control.pid import step as pid_step
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import UNSTABLE, margins
 from bender_tuner.model.sampled_model import SampledModel
-from bender_tuner.model.sensitivities import sensitivities, shown_from_Hz
+from bender_tuner.model.sensitivities import lowest_drawn_Hz, sensitivities
 from bender_tuner.pictures.loop import loop_in_words
 
 PERIOD_S, POLE, GAIN = 0.02, 0.8, 0.3
@@ -56,7 +56,7 @@ def test_the_functions_belong_together():
 
 
 def test_what_a_picture_shows():
-    assert shown_from_Hz(PLANT, 2.0 * math.pi) == pytest.approx(10.0**-1.5)
-    assert 0.0 < shown_from_Hz(PLANT, math.nan) < 0.01 / PERIOD_S
+    assert lowest_drawn_Hz(PLANT, 2.0 * math.pi) == pytest.approx(10.0**-1.5)
+    assert 0.0 < lowest_drawn_Hz(PLANT, math.nan) < 0.01 / PERIOD_S
     assert loop_in_words(UNSTABLE).startswith("the nominal loop is unstable")
     assert "phase margin" in loop_in_words(margins(GAINS, PLANT))

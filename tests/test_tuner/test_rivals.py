@@ -21,7 +21,7 @@ from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.following import Following
 from bender_tuner.task.problem import TuningProblem, pose_problem
-from bender_tuner.task.session import open_guarded, open_rivals, posed
+from bender_tuner.task.session import open_guarded, open_rivals, pose_problem_in_units
 from bender_tuner.task.settings import make_settings
 from bender_tuner.task.tuning import run_search
 
@@ -135,7 +135,7 @@ def test_a_shaper_that_overshoots_on_a_later_step_does_not_keep_the_bounds(remem
     settings = make_settings(rate_Hz=30.0, latency_frames=0, exposure_s=0.0)
     model = followed(nominal, rate_um_per_s=600.0, curvature_um_per_s2=36000.0)
     with open_guarded(other) as (plant, facts):
-        found = posed(plant, settings, facts)
+        found = pose_problem_in_units(plant, settings, facts)
         following, gains = Following(model, nominal), Gains(0.0, 6.0)
         first = found.practitioner.evaluate(gains, following).nominal.metrics.overshoot_percent
         all_of_them = found.experiment.overshoot_up_and_down_percent(gains, following)
@@ -165,7 +165,7 @@ def test_rivals_of_a_diagnosis_are_opened_under_the_names_of_their_effects(tmp_p
         open_guarded(ready_plant_fmu("bench")) as (plant, facts),
         open_rivals(plant, facts, found.rivals) as (rival,),
     ):
-        problem = posed(plant, SETTINGS, facts, rivals=[rival])
+        problem = pose_problem_in_units(plant, SETTINGS, facts, rivals=[rival])
     assert rival.name == "creep + transport_delay"
     nominal_um, rival_um = (x.linearisation.model.step_response(4)[-1] for x in problem.ensemble.expected)
     assert rival_um < 0.1 * nominal_um

@@ -5,7 +5,7 @@ import pytest
 
 from bender_watch.alarm.onset import onset_of
 from bender_watch.alarm.suspects import compared
-from bender_watch.baseline.signatures import told_apart
+from bender_watch.baseline.signatures import distinct_groups
 
 ROWS, AT = 1500, 600
 
@@ -66,7 +66,7 @@ def test_an_effect_is_grouped_by_what_it_adds_to_level_and_gain() -> None:
     z = signatures(rng)
     effects = ["offset", "gain_error", "curve", "spikes", "another curve", "gain again"]
     every = np.column_stack([z, z[:, 2] - 0.9 * z[:, 1], z[:, 1] + 0.02 * z[:, 3]])
-    groups = told_apart(effects, every, 2)
+    groups = distinct_groups(effects, every, 2)
     assert [x.effects for x in groups] == [
         ("offset",), ("gain_error", "gain again"), ("curve", "another curve"), ("spikes",)
     ]  # fmt: skip
@@ -75,5 +75,5 @@ def test_an_effect_is_grouped_by_what_it_adds_to_level_and_gain() -> None:
 def test_other_forms_of_an_effect_take_no_place_of_another_effect() -> None:
     rng = np.random.default_rng(5)
     names = ["offset", "gain_error", *["creep"] * 20, "backlash"]
-    groups = told_apart(names, rng.standard_normal((400, len(names))), 2)
+    groups = distinct_groups(names, rng.standard_normal((400, len(names))), 2)
     assert ("backlash",) in [x.effects for x in groups]

@@ -234,7 +234,7 @@ class Session:
         facts, arrays = self.watcher.state()
         header = {
             "format": FORMAT, "facts": facts, "position": self._position, "events": self._size, "record": self._record,
-            "settings": _told(self.settings), "kept": self.events,
+            "settings": _values_of(self.settings), "kept": self.events,
         }  # fmt: skip
         data = io.BytesIO()
         text = np.frombuffer(json.dumps(finite(header)).encode(), dtype=np.uint8)
@@ -251,7 +251,7 @@ class Session:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             header = json.loads(bytes(arrays.pop("header")))
-            wanted = header["format"] == FORMAT and header["settings"] == _told(self.settings)
+            wanted = header["format"] == FORMAT and header["settings"] == _values_of(self.settings)
         except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error) as error:
             raise InputError(f"{path}: cannot be read ({error}); remove it to begin anew") from error
         if not wanted:
@@ -271,7 +271,7 @@ class Session:
         os.truncate(self.out / EVENTS, self._size)
 
 
-def _told(settings: Settings) -> list[Any]:
+def _values_of(settings: Settings) -> list[Any]:
     return [getattr(settings, name) for name in Settings.__dataclass_fields__]
 
 

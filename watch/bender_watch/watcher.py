@@ -174,7 +174,7 @@ class Watcher:
         """Explain an alarm that still waits, and say what the trends are."""
         while self._pending is not None and not self._pending.stands:
             yield from self._explained(is_end=True)
-        yield from (_told_trend(x) for x in self.trend())
+        yield from (_trend_event(x) for x in self.trend())
 
     def trend(self) -> list[Trend]:
         """Return the trends of gain and offset so far, relative to the first baseline."""
@@ -580,10 +580,10 @@ class Watcher:
         for found in self.trends.trends(self.settings.tolerance, self._stroke_um, 1.0 - wrong, untold):
             if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
-                yield _told_trend(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
+                yield _trend_event(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
 
 
-def _told_trend(found: Trend) -> Event:
+def _trend_event(found: Trend) -> Event:
     return {
         "event": "trend",
         "of": found.name,

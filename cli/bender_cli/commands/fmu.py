@@ -141,7 +141,7 @@ def _build(arguments: argparse.Namespace) -> int:
     if arguments.native:
         return _build_native(arguments, loop)
     _require_native(arguments)
-    return _told(build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop))
+    return _print_written(build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop))
 
 
 def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
@@ -152,7 +152,7 @@ def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
     paths = build_native(arguments.model, arguments.out / PLANT_FMU, arguments.out, made, loop)
     if made.note is not None:
         remark(f"note: {made.note}")
-    return _told(paths)
+    return _print_written(paths)
 
 
 def _build_following(arguments: argparse.Namespace) -> int:
@@ -176,7 +176,7 @@ def _build_following(arguments: argparse.Namespace) -> int:
         makers = native_makers(made)
         if made.note is not None:
             remark(f"note: {made.note}")
-    return _told(build_following(Tuned(gains, limits, period_s, model), fmu, arguments.out, host, makers))
+    return _print_written(build_following(Tuned(gains, limits, period_s, model), fmu, arguments.out, host, makers))
 
 
 def _require_native(arguments: argparse.Namespace) -> None:
@@ -184,7 +184,7 @@ def _require_native(arguments: argparse.Namespace) -> None:
         raise InputError("--fmi 3 and --platforms: found without --native, expected with it")
 
 
-def _told(paths: "Iterable[Path]") -> int:
+def _print_written(paths: "Iterable[Path]") -> int:
     """Print what was written."""
     names = [str(path) for path in paths]
     answer({"written": names})
@@ -197,7 +197,7 @@ def _compile(arguments: argparse.Namespace) -> int:
 
     out: Path = arguments.out or arguments.file.with_name(f"{arguments.file.stem}-here.fmu")
     remark("note: the sources are compiled as they are; what comes out is native code")
-    return _told([compile_fmu(arguments.file, out)])
+    return _print_written([compile_fmu(arguments.file, out)])
 
 
 def _linearise(arguments: argparse.Namespace) -> int:
@@ -212,7 +212,7 @@ def _linearise(arguments: argparse.Namespace) -> int:
     write_linear(linear, arguments.out)
     for note in linear.notes:
         remark(f"note: {note}")
-    return _told([arguments.out])
+    return _print_written([arguments.out])
 
 
 def _linearise_fmu(arguments: argparse.Namespace) -> int:
@@ -221,13 +221,13 @@ def _linearise_fmu(arguments: argparse.Namespace) -> int:
     from bender_native.linearise import table_content
     from bender_report.drawing import can_draw, no_pictures
     from bender_report.wording import quantity, shown_in
-    from bender_tuner.model.linearised_fmu import Asked, linearised_fmu
+    from bender_tuner.model.linearised_fmu import LinearisationRequest, linearised_fmu
     from bender_tuner.pictures.plant import draw_plant
 
     if arguments.model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
     given = USUAL if arguments.units is None else of_input_and_output(arguments.units)
-    asked = Asked(
+    asked = LinearisationRequest(
         arguments.voltage, arguments.input, arguments.output, arguments.step, arguments.settle, arguments.change, given
     )
     picture = arguments.out.with_suffix(".png")
@@ -246,9 +246,9 @@ def _linearise_fmu(arguments: argparse.Namespace) -> int:
     for note in (*linear.notes, *([no_pictures()] if drawn is None else [])):
         remark(f"note: {note}")
     if drawn is None:
-        return _told([arguments.out])
+        return _print_written([arguments.out])
     write_atomically(picture, drawn)
-    return _told([arguments.out, picture])
+    return _print_written([arguments.out, picture])
 
 
 def _print(path: Path, report: "Report") -> None:

@@ -25,7 +25,7 @@ from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.witnesses.would_tell import Missing
+from bender_discrepancy.witnesses.missing_columns import MissingColumn
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.blocks import residual_equation
 from bender_report.number import Number
@@ -49,7 +49,7 @@ def outcome(
     names: Sequence[str] = (),
     next_experiment: Proposal | None = None,
     lead: Lead | None = None,
-    missing_columns: Sequence[Missing] = (),
+    missing_columns: Sequence[MissingColumn] = (),
 ) -> dict[str, Any]:
     """Return the diagnosis as `diagnosis.json` has it; every number in it is finite or null.
 
@@ -68,7 +68,7 @@ def outcome(
         "complete": findings.complete,
         "reason": reason(findings, measured),
         "start": [x.start for x in search.problem.observations],
-        "start_input": [x.stood_V for x in search.problem.observations],
+        "start_input": [x.rest_before_V for x in search.problem.observations],
         "effects": [*(_effect(findings, x) for x in findings.effects), *_equation(findings, measured)],
         "alternatives": [
             {"effects": list(x.effects), "closes": round(x.closes, 4)} for x in alternatives(search, findings.verdict)

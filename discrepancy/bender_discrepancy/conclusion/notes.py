@@ -233,10 +233,10 @@ def _stopped(search: SearchResult) -> list[str]:
     ]
 
 
-def beginning(start: str, stood_V: float | None) -> str:
+def beginning(start: str, rest_before_V: float | None) -> str:
     """Return how a record is taken to begin, from `start` and `start_input` of `diagnosis.json`."""
-    if stood_V is not None:
-        return f"begins after a stand at {quantity(stood_V, 'V')}"
+    if rest_before_V is not None:
+        return f"begins after a stand at {quantity(rest_before_V, 'V')}"
     return f"begins {'in motion' if start == 'motion' else 'at rest'}"
 
 
@@ -275,8 +275,8 @@ def _begun(search: SearchResult) -> list[str]:
         if x.start == "rest":
             continue
         told = "what was commanded before its first row is a guess"
-        if x.stood_V is not None:
-            told = f"the plant is taken to have stood at {quantity(x.stood_V, 'V')} before its first row"
+        if x.rest_before_V is not None:
+            told = f"the plant is taken to have stood at {quantity(x.rest_before_V, 'V')} before its first row"
         heard = np.flatnonzero(np.isfinite(x.measured_um))
         first = int(np.argmax(np.isfinite(record.displacement_um)))
         if heard.size and heard[0] > first:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.conclusion.numbers import block_numbers
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.effect import CALIBRATION
@@ -91,7 +91,7 @@ def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
             for simulator in search.problem.rough:
                 simulator.forget()
 
-    sizes = abreast(smallest, list(plainest.values()))
+    sizes = parallel_map(smallest, list(plainest.values()))
     found = dict(zip(plainest, sizes, strict=True)) | _read_off(search)
     return {name: found[name] for name in EFFECTS if name in found}
 
@@ -267,7 +267,7 @@ def _others(free: Free, seen: _Standing) -> Values:
 def _smallest(search: SearchResult, form: Form, seen: _Standing | None) -> Smallest:
     """Return the smallest visible size of one effect in one form."""
     found = None if seen is None else _size(seen, form, _where_it_shows_most(seen, form))
-    return _told(search, form, *(found[1:] if found else (None, False)))
+    return _smallest_in_numbers(search, form, *(found[1:] if found else (None, False)))
 
 
 def _where_it_shows_most(seen: _Standing, form: Form) -> Values:
@@ -309,7 +309,7 @@ def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, b
     return None
 
 
-def _told(search: SearchResult, form: Form, values: Values | None, below: bool) -> Smallest:
+def _smallest_in_numbers(search: SearchResult, form: Form, values: Values | None, below: bool) -> Smallest:
     """Return the numbers of the effect's block, the one by which it is sized first."""
     parameters = EFFECTS[form.effect].parameters
     one = form.alone().free

@@ -95,7 +95,7 @@ def _supports(columns: Array, target: Array, free: Array) -> set[Support]:
         whole = _sizes(columns)
         columns, target = (x - basis @ (basis.T @ x) for x in (columns, target))
         columns = np.where(_sizes(columns) > (1.0 - SAME) * whole, columns, 0.0)
-    kept = _told_apart(columns)
+    kept = _distinct_columns(columns)
     size = float(np.sqrt(np.mean(target**2)))
     if not kept or size == 0.0:
         return set()
@@ -111,7 +111,7 @@ def _sizes(columns: Array) -> Array:
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def _told_apart(columns: Array) -> list[int]:
+def _distinct_columns(columns: Array) -> list[int]:
     """Return the columns that are something, and of any two in one direction the first."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     kept: list[int] = []

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.experiment.profiles import (
     CAMERA_STEP_S,
@@ -152,7 +152,7 @@ def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readin
     everything = np.ones(drive.row_time_s.size, dtype=bool)
     benches = [problem_of(base, (Observations(drive, x, everything, ~everything, ~everything),)) for x in readings]
     pairs = [(bench, rival) for i, bench in enumerate(benches) for j, rival in enumerate(rivals) if i != j]
-    fits = abreast(lambda pair: fit(*pair, most_evaluations=6), pairs)
+    fits = parallel_map(lambda pair: fit(*pair, most_evaluations=6), pairs)
     return min((math.sqrt(x.training_square / drive.row_time_s.size) for x in fits if x is not None), default=0.0)
 
 

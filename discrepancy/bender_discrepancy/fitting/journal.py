@@ -59,7 +59,7 @@ class Journal:
         ]
         return hashlib.sha256(json.dumps(words).encode()).hexdigest()[:32]
 
-    def told(self, key: str) -> Any:
+    def recall(self, key: str) -> Any:
         """Return the result of a key, None where there is none."""
         found = self.entries.get(key)
         self.reused += found is not None

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
-from bender_discrepancy.fitting.scans.jumps import amid_what_fits, moved_in_jumps
+from bender_discrepancy.fitting.scans.jumps import middle_of_equal_fits, minimise_in_jumps
 from bender_discrepancy.records.observations import Array
 
 STEP = 2e-3
@@ -121,7 +121,7 @@ def fit(
     if journal is None or not hypothesis.free:
         return _fit(problem, hypothesis, most_evaluations, roughly, known or {}, closely)
     key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly, sorted(known or ()), closely)
-    told = journal.told(key)
+    told = journal.recall(key)
     if told is not None:
         return _again(problem, hypothesis, told, roughly)
     fitted = _fit(problem, hypothesis, most_evaluations, roughly, known or {}, closely)
@@ -241,7 +241,7 @@ class _Course:
             moved[k] += step
             return (self.one(moved) - here) / step
 
-        return np.stack(abreast(column, numbers), axis=1)
+        return np.stack(parallel_map(column, numbers), axis=1)
 
 
 def _to_the_least(course: _Course, most_evaluations: int, closely: bool) -> tuple[Array, Array]:
@@ -260,13 +260,13 @@ def _to_the_least(course: _Course, most_evaluations: int, closely: bool) -> tupl
             x, slopes = _along_slopes(course, x, smooth, most_evaluations, closely)
         if not jumping or course.roughly or turn == TURNS_OF_JUMPS:
             break
-        moved, gained = _in_jumps(course, x, jumping)
+        moved, gained = _minimise_in_jumps(course, x, jumping)
         x = moved
         if not gained:
             break
     if not jumping:
         return x, slopes
-    x = x if course.roughly else _amid(course, x, jumping)
+    x = x if course.roughly else _centre_in_jumps(course, x, jumping)
     by_all = np.empty((course.worst.size, len(free)))
     by_all[:, smooth] = slopes
     by_all[:, jumping] = course.slopes(x, course.residual(x), jumping)
@@ -292,17 +292,17 @@ def _along_slopes(
     return placed(found.x), found.jac
 
 
-def _in_jumps(course: _Course, x: Array, numbers: Sequence[int]) -> tuple[Array, bool]:
+def _minimise_in_jumps(course: _Course, x: Array, numbers: Sequence[int]) -> tuple[Array, bool]:
     """Return the coordinates with some numbers moved in jumps, and whether that took anything off the square."""
     first = square = _square(course.residual(x))
     for k in numbers:
         square_at = _square_over(course, x, k)
-        value, square = moved_in_jumps(course.hypothesis.free[k].outward(float(x[k])), square, square_at)
+        value, square = minimise_in_jumps(course.hypothesis.free[k].outward(float(x[k])), square, square_at)
         x = _with_number(course, x, k, value)
     return x, square < (1.0 - TOLERANCE) * first
 
 
-def _amid(course: _Course, x: Array, numbers: Sequence[int]) -> Array:
+def _centre_in_jumps(course: _Course, x: Array, numbers: Sequence[int]) -> Array:
     """Return the coordinates with some numbers in the middle of the range that fits equally well.
 
     Within it the log-likelihood falls by less than half the logarithm of the readings that count, the price of one
@@ -313,7 +313,7 @@ def _amid(course: _Course, x: Array, numbers: Sequence[int]) -> Array:
         rows = max(int(np.count_nonzero(left)), 1)
         most = _square(left) * rows ** (1.0 / rows)
         value = course.hypothesis.free[k].outward(float(x[k]))
-        x = _with_number(course, x, k, amid_what_fits(value, most, _square_over(course, x, k)))
+        x = _with_number(course, x, k, middle_of_equal_fits(value, most, _square_over(course, x, k)))
     return x
 
 

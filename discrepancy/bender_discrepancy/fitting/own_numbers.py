@@ -103,7 +103,7 @@ def own_form(base: Model, longest_s: float = math.inf) -> Form | None:
     return Form(OWN, OWN, tuple(free_of(x) for x in numbers), apply)
 
 
-def beside_effects(own: Form, effects: Collection[str]) -> Form | None:
+def form_without_named(own: Form, effects: Collection[str]) -> Form | None:
     """Return the form without the numbers whose change is one of some effects; None where no other is left."""
     for x in own.free:
         if _NAMED.get(x.name) in effects:
@@ -121,7 +121,7 @@ def names_of(own: Part | None) -> frozenset[str]:
     return effects_of(None if own is None else own.form)
 
 
-def without_named(own: Part, effects: Collection[str]) -> Part | None:
+def part_without_named(own: Part, effects: Collection[str]) -> Part | None:
     """Return freed numbers without those whose change is one of some effects; None where no other is left."""
     form, values = own.form, dict(zip([x.name for x in own.form.free], own.values, strict=True))
     for x in own.form.free:
@@ -130,7 +130,7 @@ def without_named(own: Part, effects: Collection[str]) -> Part | None:
     return Part(form, tuple(values[x.name] for x in form.free)) if form.free else None
 
 
-def told_as_effects(own: Part, forms: Sequence[Form]) -> tuple[Part, ...]:
+def changes_as_effects(own: Part, forms: Sequence[Form]) -> tuple[Part, ...]:
     """Return changed numbers of a model as the effects that they are, where one of the forms is theirs.
 
     A resonance that is off by less than a kelvin changes it stays a number of the model.

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
@@ -77,7 +77,7 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
             return plain
         return _Profile.of(problem, fitted, open_.coordinates, k).ends(plain)
 
-    return abreast(ends, list(range(len(free))))
+    return parallel_map(ends, list(range(len(free))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, training_residual
@@ -96,4 +96,4 @@ def standing(problem: FitProblem, fitted: Fitted) -> Standing:
 
     left = math.sqrt(float(np.mean(here**2)))
     sizes = np.array([within(x, v) for x, v in zip(free, values, strict=True)])
-    return _standing(np.stack(abreast(column, range(len(free))), axis=1), left / sizes)
+    return _standing(np.stack(parallel_map(column, range(len(free))), axis=1), left / sizes)

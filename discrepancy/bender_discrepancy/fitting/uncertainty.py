@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.criterion import independent_rows
 from bender_discrepancy.fitting.fit_problem import FitProblem
@@ -93,7 +93,7 @@ def columns(problem: FitProblem, fitted: Fitted, readings: list[Array], rows: Se
         rows: of every record, which ones.
     """
     still = [np.zeros_like(y) for y in readings]
-    found = abreast(lambda k: _slope(problem, fitted, k) or still, range(fitted.hypothesis.free_count))
+    found = parallel_map(lambda k: _slope(problem, fitted, k) or still, range(fitted.hypothesis.free_count))
     found.append(readings)
     for record in range(len(readings)):
         found.append([np.full_like(y, float(k == record)) for k, y in enumerate(readings)])

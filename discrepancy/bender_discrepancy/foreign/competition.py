@@ -95,7 +95,7 @@ class Account:
         square = max(search.best.training_square + search.best.held_square, 1e-300)
         return effective_rows * math.log(square / rows) + price(self.numbers, effective_rows)
 
-    def picked(self, tried: int) -> float:
+    def selection_cost(self, tried: int) -> float:
         """Return what it costs that its effects and parameters were picked, each among so many."""
         suspected = len(self.moved.parameters) + len(self.moved.unseen) if self.moved else 1
         return 2.0 * (len(self.effects) * math.log(max(tried, 1)) + math.log(max(suspected, 1)))
@@ -116,7 +116,7 @@ def compete(contest: Contest) -> Diagnosis:
         ways += _with_parameters(contest, given, alone, off)
     if seen and open_gap:
         ways += _in_place_of_effects(contest, given, alone, seen)
-    return _judged(ways, alone)
+    return _choose(ways, alone)
 
 
 def _leaves_more_than_noise(given: Account, alone: Calibrated) -> bool:
@@ -248,13 +248,13 @@ def _fitted(
     return calibrate(run, seen, suspects, free_reading=True)
 
 
-def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
+def _choose(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
     given = ways[0]
     least = min(ways, key=lambda x: x.diagnosis.findings.search.best.training_square)
     search = least.diagnosis.findings.search
     by = yardstick(search.problem, search.best, search.grades.by.tried)
     rows = independent_rows(search.problem, search.best)
-    costs = [x.cost(rows) + x.picked(by.tried) for x in ways]
+    costs = [x.cost(rows) + x.selection_cost(by.tried) for x in ways]
     close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + very_strong(by.confidence)]
     best = min(close, key=lambda x: (not x.stands, not is_complete(x), x.numbers))
     rival = next((x for x in close if _rivals(best, x)), None)
@@ -262,9 +262,9 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
         tuple((x.suspect.name, x.suspect.given, x.value, x.std, x.suspect.unit) for x in _moved(best)),
         alone.unseen,
         alone.combinations,
-        None if rival is None else _said(rival),
+        None if rival is None else _describe(rival),
     )
-    return told(best, given, suspected)
+    return with_suspected(best, given, suspected)
 
 
 def is_complete(way: Account) -> bool:
@@ -284,12 +284,12 @@ def _moved(way: Account) -> tuple:
     return () if way.moved is None else way.moved.parameters
 
 
-def _said(way: Account) -> str:
+def _describe(way: Account) -> str:
     moved = [f"{x.suspect.name} at {x.value:.4g}" for x in _moved(way)]
     return " and ".join([*moved, *sorted(way.effects)])
 
 
-def told(best: Account, given: Account, suspected: Suspected) -> Diagnosis:
+def with_suspected(best: Account, given: Account, suspected: Suspected) -> Diagnosis:
     """Return the diagnosis of a way with the parameters that were moved among what was recalibrated."""
     found = best.diagnosis
     assert found.stand_in is not None

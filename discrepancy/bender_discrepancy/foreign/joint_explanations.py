@@ -94,7 +94,7 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class OutputResidual:
     """What an output leaves with a correction on either side.
 
     Attributes:
@@ -127,7 +127,7 @@ class JointExplanation:
     shared: Correction
     source: tuple[str, ...]
     behind: Mapping[str, Correction]
-    left: Mapping[str, Left]
+    left: Mapping[str, OutputResidual]
     cost: float
     each: bool = False
     apart: frozenset[str] = frozenset()
@@ -242,8 +242,8 @@ def _given(settings: Any) -> dict[str, Any]:
 
 def rank_explanations(
     outputs: Sequence[Output],
-    left: Mapping[tuple[str, int, int], Left],
-    own: Mapping[str, Left],
+    left: Mapping[tuple[str, int, int], OutputResidual],
+    own: Mapping[str, OutputResidual],
     confidence: float,
     competing: Sequence[tuple[Correction, tuple[str, ...]]] | None = None,
     fitted: Mapping[tuple[str, int, int], Correction] | None = None,

@@ -29,8 +29,8 @@ from bender_discrepancy.foreign.joint_explanations import (
     NOTHING,
     Correction,
     JointExplanation,
-    Left,
     Output,
+    OutputResidual,
     RankedExplanations,
     corrections,
     output_of,
@@ -205,7 +205,7 @@ def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> tuple[
     """
     competing = affordable(corrections(outputs), outputs)
     rows = _rows(outputs)
-    left: dict[tuple[str, int, int], Left] = {}
+    left: dict[tuple[str, int, int], OutputResidual] = {}
     fitted: dict[tuple[str, int, int], Correction] = {}
     originals = [x.original for x in outputs]
     with opened(originals) as plant:
@@ -226,7 +226,9 @@ def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> tuple[
     return rank_explanations(outputs, left, own, how.confidence, competing, fitted), needing
 
 
-def _nearest(output: Output, behind: Correction, read: Callable[[Correction], list[Array]]) -> tuple[Correction, Left]:
+def _nearest(
+    output: Output, behind: Correction, read: Callable[[Correction], list[Array]]
+) -> tuple[Correction, OutputResidual]:
     """Return a correction behind the FMU with its numbers where they leave least of the FMU's own answer.
 
     They were found by way of the stand-in, whose own numbers may have given way. The FMU is not driven for it.
@@ -267,7 +269,7 @@ def _nearest(output: Output, behind: Correction, read: Callable[[Correction], li
 
 def _needing_their_inside(
     outputs: Sequence[Output],
-    left: Mapping[tuple[str, int, int], Left],
+    left: Mapping[tuple[str, int, int], OutputResidual],
     fitted: Mapping[tuple[str, int, int], Correction],
     answers: Answers,
     step_s: float,
@@ -336,13 +338,13 @@ def _line(output: Output, readings: list[Array]) -> Calibration:
     return calibrated(search.problem.observations, simulated)
 
 
-def _left(output: Output, readings: list[Array]) -> Left:
+def _left(output: Output, readings: list[Array]) -> OutputResidual:
     """Return what an output leaves beside simulated readings (n,) of every record."""
     search = output.diagnosis.findings.search
     by, line = search.grades.by, _line(output, readings)
     square = float(np.sum(_innovations(output, readings) ** 2))
     cost = by.effective_rows * float(np.log(max(square, 1e-300) / by.rows))
-    return Left(
+    return OutputResidual(
         cost, _rms(search.whole, readings, line), line.gain, line.offsets_um[output.diagnosis.findings.of_record]
     )
 

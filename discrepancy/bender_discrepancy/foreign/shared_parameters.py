@@ -17,7 +17,7 @@ from bender_discrepancy.fitting.criterion import independent_rows, very_strong, 
 from bender_discrepancy.fitting.fit_problem import calibrated
 from bender_discrepancy.foreign.answers import Answers, opened, short_step_s
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
-from bender_discrepancy.foreign.competition import Account, is_among, is_complete, told
+from bender_discrepancy.foreign.competition import Account, is_among, is_complete, with_suspected
 from bender_discrepancy.foreign.container_stages import Original, Stages, stages_around
 from bender_discrepancy.foreign.suspects import Suspect
 from bender_discrepancy.records.observations import Observations, observe
@@ -94,7 +94,7 @@ def diagnose_beside(bench: Bench) -> tuple[Found, dict[str, float]]:
     numbers = tuple((x.suspect.name, x.suspect.given, x.value, x.std, x.suspect.unit) for x in moved)
     suspected = Suspected(numbers, alone.unseen, alone.combinations)
     found = {
-        name: told(Account(x, best.moved), Account(given.found[name], None), suspected)
+        name: with_suspected(Account(x, best.moved), Account(given.found[name], None), suspected)
         for name, x in best.found.items()
     }
     return found, {} if best.moved is None else best.moved.values()
@@ -201,7 +201,7 @@ def _cheapest(ways: Sequence[_Way]) -> _Way:
         ).diagnosis.findings.search
         by = yardstick(least.problem, least.best, least.grades.by.tried)
         rows = independent_rows(least.problem, least.best)
-        costs += [x[name].cost(rows) + x[name].picked(by.tried) for x in accounts]
+        costs += [x[name].cost(rows) + x[name].selection_cost(by.tried) for x in accounts]
         confidence = by.confidence
     close = [k for k, x in enumerate(costs) if x <= costs.min() + very_strong(confidence)]
 

@@ -177,7 +177,7 @@ class SpaceMapping:
             return None
         archive = Archive(problem, search.archive.noise_um, [base, fitted] if hypothesis.parts else [base])
         found = Searched(archive, base, archive.fits[-1], search.found.stopped)
-        return replace(search, records=tuple(self._lacking(differences_um))).with_found(found)
+        return replace(search, records=tuple(self._lacking(differences_um))).with_search(found)
 
     def measured(self, search: SearchResult, findings: Findings) -> tuple[Measured, Container]:
         """Return the gap at its three stages, the last one measured by driving the container, and the container.
@@ -271,7 +271,7 @@ class SpaceMapping:
             way.append(fitted.hypothesis.values())
             best = min((now, around), key=lambda x: x.fitted.training_square)
             if len(way) == 3:
-                led = self._once(search, judge(search.problem, led_to(fitted.hypothesis, *way)))
+                led = self._once(search, judge(search.problem, extrapolate_values(fitted.hypothesis, *way)))
                 best = min((best, led or best), key=lambda x: x.fitted.training_square)
                 way = [best.fitted.hypothesis.values()]
             hardly = best.fitted.training_square > HARDLY_LESS * around.fitted.training_square
@@ -314,7 +314,7 @@ def _leaders(search: SearchResult) -> list[Hypothesis]:
     return list(found.values())[:LEADERS]
 
 
-def led_to(hypothesis: Hypothesis, first: Values, second: Values, third: Values) -> Hypothesis:
+def extrapolate_values(hypothesis: Hypothesis, first: Values, second: Values, third: Values) -> Hypothesis:
     """Return a hypothesis with the numbers that three turns lead to, each within its bounds."""
     found = []
     for free, x, y, z in zip(hypothesis.free, first, second, third, strict=True):

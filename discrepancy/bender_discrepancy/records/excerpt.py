@@ -148,7 +148,7 @@ def _octave(command_V: Array, read: Mask, rows: int, lag: int) -> Array | None:
 def _drive_of(x: Observations, window: slice) -> Drive:
     leads = x.drive.voltage_V.size - x.measured_um.size
     begin, end = leads + window.start, leads + window.stop
-    kept = np.concatenate([_told(x.drive.voltage_V[:begin]), np.arange(begin, end)])
+    kept = np.concatenate([_kept_commands(x.drive.voltage_V[:begin]), np.arange(begin, end)])
     volts = x.drive.voltage_V.copy()
     for block in _blocks(begin):
         volts[block] = _without_detail(volts[block])
@@ -187,7 +187,7 @@ def _without_detail(volts: Array) -> Array:
     return found
 
 
-def _told(volts: Array) -> NDArray[np.intp]:
+def _kept_commands(volts: Array) -> NDArray[np.intp]:
     """Return which commands tell those before an excerpt, whose details are gone: where something changes."""
     found = list(range(max(volts.size - EXACT_COMMANDS, 0), volts.size))
     for block in _blocks(volts.size):

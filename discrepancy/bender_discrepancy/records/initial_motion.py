@@ -52,7 +52,7 @@ def started(base: Model, record: Record, seen: Observations) -> Observations:
         met = _in_motion(base, seen, beginning)
     except (ModelError, ArithmeticError):
         return seen
-    if not any(clearly_better(beginning, y, from_rest) for x, y in met if x.stood_V is None or _is_away(x)):
+    if not any(clearly_better(beginning, y, from_rest) for x, y in met if x.rest_before_V is None or _is_away(x)):
         return seen
     return _nearest(met)
 
@@ -117,7 +117,7 @@ def _until(drive: Drive, beginning: Record) -> Drive:
 
 def in_motion_from(seen: Observations, model: Model) -> Observations:
     """Return the observations of a record with a lead-in: the motion went on before as it goes on in the record."""
-    led = replace(seen, drive=_led(seen.drive), start="motion")
+    led = replace(seen, drive=_with_lead_in(seen.drive), start="motion")
     return led if one_sine(seen.time_s, seen.command_V) else rung_out(led, model)
 
 
@@ -188,30 +188,30 @@ def beginnings(seen: Observations, model: Model) -> tuple[Observations, ...]:
 def _standing(drive: Drive, volts: float) -> Drive:
     """Return a drive that stood at one voltage for long, until the first command of the record."""
     first_s = float(drive.command_time_s[0])
-    command_s = np.concatenate([[first_s - _stood_s(drive)], drive.command_time_s])
+    command_s = np.concatenate([[first_s - _rest_before_s(drive)], drive.command_time_s])
     return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([[volts], drive.voltage_V]))
 
 
-def _stood_s(drive: Drive) -> float:
+def _rest_before_s(drive: Drive) -> float:
     duration_s = float(drive.row_time_s[-1] - drive.row_time_s[0])
     return min(STOOD_PER_DURATION * duration_s, max(LONGEST_STAND_S, LEAST_DURATIONS * duration_s))
 
 
 def _coming_from(drive: Drive, volts: float) -> Drive:
     """Return a drive that stood at one voltage, then at that of the first row, both for long."""
-    voltage_V, stood_s = drive.voltage_V, _stood_s(drive)
+    voltage_V, stood_s = drive.voltage_V, _rest_before_s(drive)
     first_s = float(drive.command_time_s[0])
     before_s = np.array([first_s - 2.0 * stood_s, first_s - stood_s])
     command_s = np.concatenate([before_s, drive.command_time_s])
     return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([[volts, voltage_V[0]], voltage_V]))
 
 
-def _led(drive: Drive) -> Drive:
+def _with_lead_in(drive: Drive) -> Drive:
     time_s, voltage_V = drive.row_time_s, drive.voltage_V
     lead_s, lead_V = reflected(time_s, voltage_V)
     if one_sine(time_s, voltage_V):
         lead_V = _continued(time_s, voltage_V, lead_s)
-    before_s = np.concatenate([[lead_s[0] - _stood_s(drive)], lead_s])
+    before_s = np.concatenate([[lead_s[0] - _rest_before_s(drive)], lead_s])
     before_V = np.concatenate([[float(voltage_V.mean())], lead_V])
     command_s = np.concatenate([before_s, drive.command_time_s])
     return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([before_V, voltage_V]))

@@ -77,7 +77,7 @@ class Observations:
         return self.drive.voltage_V[-self.measured_um.size :]
 
     @property
-    def stood_V(self) -> float | None:
+    def rest_before_V(self) -> float | None:
         """The voltage at which the plant stood before the record, None where it did not or nothing was commanded."""
         return None if self.start in ("rest", "motion") else float(self.drive.voltage_V[0])
 

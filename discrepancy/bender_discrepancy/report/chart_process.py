@@ -13,7 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from bender_compiled.abreast import cores
+from bender_compiled.parallel_map import cores
 from bender_discrepancy.report import overlay_pictures, residual_pictures
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report import chart

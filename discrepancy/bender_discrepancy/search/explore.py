@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_compiled.abreast import abreast
+from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -51,13 +51,13 @@ def _from_starts(archive: Archive, starts: Sequence[Hypothesis], parents: Sequen
     """Fit starts in a few steps, and to the end where they may come near the best of what is known."""
     if not starts:
         return []
-    few = abreast(lambda x: fit(archive.problem, x, BUDGET.first_evaluations, roughly=True), starts)
+    few = parallel_map(lambda x: fit(archive.problem, x, BUDGET.first_evaluations, roughly=True), starts)
     alive = [x for x in few if x is not None]
     least = min((x.training_square for x in (*alive, *parents)), default=math.inf)
     near = [x for x in alive if x.training_square <= BUDGET.behind * least]
     far = [x for x in alive if x.training_square > BUDGET.behind * least]
-    ended = abreast(lambda x: fit(archive.problem, x.hypothesis), near)
-    return archive.add([*ended, *abreast(lambda x: judge(archive.problem, x.hypothesis), far)])
+    ended = parallel_map(lambda x: fit(archive.problem, x.hypothesis), near)
+    return archive.add([*ended, *parallel_map(lambda x: judge(archive.problem, x.hypothesis), far)])
 
 
 def _from_scan(archive: Archive, scan: Scan, known: Sequence[Fitted]) -> list[Fitted]:
@@ -76,16 +76,16 @@ def _from_scan(archive: Archive, scan: Scan, known: Sequence[Fitted]) -> list[Fi
     least = min((x.square for x in rough), default=math.inf)
     simple = [x for x in _leaders(rough, parent) if not x.is_flexible]
     simple = [x for x in simple if x.square <= BUDGET.behind * min(least, before)]
-    found = archive.add(abreast(lambda x: fit(problem, x.hypothesis), simple))
+    found = archive.add(parallel_map(lambda x: fit(problem, x.hypothesis), simple))
     best = min((x.training_square for x in found), default=math.inf)
     best = min(best, before)
     flexible = [x for x in _leaders(rough, parent) if x.is_flexible and _is_worth_it(archive, x, parent, best)]
-    found += archive.add(abreast(lambda x: fit(problem, x.hypothesis), flexible))
-    found += archive.add(abreast(lambda x: fit(problem, x), _elsewhere(archive, found, rough)))
+    found += archive.add(parallel_map(lambda x: fit(problem, x.hypothesis), flexible))
+    found += archive.add(parallel_map(lambda x: fit(problem, x), _elsewhere(archive, found, rough)))
     # what stays behind is kept as it is: it is a rival all the same
     fitted = {x.hypothesis.parts[-1].form.name for x in found}
     others = [x.hypothesis for x in _leaders(rough, parent) if x.hypothesis.parts[-1].form.name not in fitted]
-    return found + archive.add(abreast(lambda x: judge(problem, x), others))
+    return found + archive.add(parallel_map(lambda x: judge(problem, x), others))
 
 
 def _promises(archive: Archive, parent: Fitted, forms: Sequence[Form], beside: Standing) -> list[tuple[Form, Promise]]:
@@ -118,7 +118,7 @@ def _scans(
             return []
         return [x for x in found if math.isfinite(x.square)]
 
-    return abreast(one, forms)
+    return parallel_map(one, forms)
 
 
 def _first_effects(starts: list[tuple[Form, Promise]], most: int) -> list[tuple[Form, Promise]]:
@@ -167,7 +167,7 @@ def _roughly(
         fitted = fit(problem, hypothesis, BUDGET.rough_evaluations, roughly=True, known=known)
         return None if fitted is None else Rough(fitted.hypothesis, fitted.training_square)
 
-    found = [x for x in abreast(rough, promises) if x is not None]
+    found = [x for x in parallel_map(rough, promises) if x is not None]
     return sorted(found, key=lambda x: x.square)
 
 

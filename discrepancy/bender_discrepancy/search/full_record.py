@@ -42,7 +42,7 @@ TAKEN_BACK = ("named", "recalibrated", "no_gap")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class FullRecordCheck:
     """What was found, with numbers that hold for the whole, and what it leaves there.
 
     Attributes:
@@ -58,7 +58,7 @@ class Held:
     lead: tuple[str, float] | None = None
 
 
-def held(parts: Sequence[Excerpt], found: Searched, slow: Sequence[Form]) -> Held | None:
+def check_on_full_record(parts: Sequence[Excerpt], found: Searched, slow: Sequence[Form]) -> FullRecordCheck | None:
     """Return what was found in excerpts, held against the whole records; None where that takes too long.
 
     Where structure is left, the numbers are fitted anew on the whole, and kept if they fit the excerpts as well.
@@ -79,7 +79,7 @@ def held(parts: Sequence[Excerpt], found: Searched, slow: Sequence[Form]) -> Hel
     whole = whole.observing([_without_strays(x, r) for x, r in rows])
     gap, left, little = _left_um(whole, base), _left_um(whole, given), BUDGET.nearly_done * noise_um
     if left <= little:
-        return Held(found, gap, left)
+        return FullRecordCheck(found, gap, left)
     sized = _sized(found.best.hypothesis, slow)
     refitted = fit(whole, sized, closely=True) if sized.all_parts else None
     again = None if refitted is None else judge(problem, refitted.hypothesis)
@@ -87,7 +87,7 @@ def held(parts: Sequence[Excerpt], found: Searched, slow: Sequence[Form]) -> Hel
         better = replace(again, covariance=refitted.covariance)
         found.archive.add([better])
         found, left = replace(found, best=better), _left_um(whole, refitted)
-    return Held(found, gap, left, None if left <= little else _lead(whole, found.best.hypothesis, slow))
+    return FullRecordCheck(found, gap, left, None if left <= little else _lead(whole, found.best.hypothesis, slow))
 
 
 def _sized(hypothesis: Hypothesis, slow: Sequence[Form]) -> Hypothesis:
@@ -107,7 +107,7 @@ def _lead(whole: FitProblem, hypothesis: Hypothesis, slow: Sequence[Form]) -> tu
     return min(found, key=lambda x: x[1], default=None)
 
 
-def on_the_whole(verdict: Verdict, held: Held, rules: Rules) -> Verdict:
+def verdict_on_full_record(verdict: Verdict, held: FullRecordCheck, rules: Rules) -> Verdict:
     """Return the verdict on excerpts, taken back where structure is left on the whole that they do not show."""
     archive = held.found.archive
     floor = floor_square_um2(archive.problem, archive.noise_um)

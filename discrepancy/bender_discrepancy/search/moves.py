@@ -13,7 +13,13 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import effects_of, first_mode_Hz, names_of, told_as_effects, without_named
+from bender_discrepancy.fitting.own_numbers import (
+    changes_as_effects,
+    effects_of,
+    first_mode_Hz,
+    names_of,
+    part_without_named,
+)
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.archive import Archive
 from bender_plant.model import Model
@@ -213,10 +219,10 @@ def name_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
     """Another frequency or damping that is free, as the effect that it is: that may go further than a recalibration."""
     del archive
     hypothesis, own = fitted.hypothesis, fitted.hypothesis.own
-    named = () if own is None else told_as_effects(own, catalogue.kit(hypothesis).forms)
+    named = () if own is None else changes_as_effects(own, catalogue.kit(hypothesis).forms)
     if own is None or not named or len(hypothesis.parts) + len(named) > catalogue.most:
         return []
-    rest = without_named(own, {x.form.effect for x in named})
+    rest = part_without_named(own, {x.form.effect for x in named})
     alone = [replace(hypothesis, parts=(*hypothesis.parts, x), own=None) for x in named]
     return [Start(x) for x in (replace(hypothesis, parts=(*hypothesis.parts, *named), own=rest), *alone)]
 

@@ -89,12 +89,12 @@ class SearchResult:
         seen = self.problem.observations
         return tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True)) if self.excerpts else seen
 
-    def with_found(self, found: Searched, judged: Callable[[Verdict], Verdict] = lambda x: x) -> "SearchResult":
+    def with_search(self, found: Searched, judged: Callable[[Verdict], Verdict] = lambda x: x) -> "SearchResult":
         """Return the result with something else found, graded anew."""
         grades = grade(found, self.rules)
         return replace(self, found=found, grades=grades, verdict=judged(decide(found, grades, self.rules)))
 
-    def doubted(self, reason: str, closed: float) -> "SearchResult":
+    def without_certainty(self, reason: str, closed: float) -> "SearchResult":
         """Return the result with none of its effects certain, why, and what part of the gap unseen rows close."""
         effects = tuple(contradicted(x, closed) for x in self.grades.effects)
         word = "likely" if self.verdict.word == "named" else self.verdict.word

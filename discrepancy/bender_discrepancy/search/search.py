@@ -12,7 +12,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import beside_effects, told_as_effects, without_named
+from bender_discrepancy.fitting.own_numbers import changes_as_effects, form_without_named, part_without_named
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
 from bender_discrepancy.search.budget import BUDGET
@@ -149,13 +149,13 @@ def with_named_numbers(archive: Archive, catalogue: Catalogue, rules: Rules, bes
     if own is None or not rules.is_finished(archive, _base(archive, best), best):
         return best
     evident = []
-    for part in told_as_effects(own, catalogue.kit(hypothesis).forms):
-        without = archive.fit(replace(hypothesis, own=without_named(own, {part.form.effect})))
+    for part in changes_as_effects(own, catalogue.kit(hypothesis).forms):
+        without = archive.fit(replace(hypothesis, own=part_without_named(own, {part.form.effect})))
         if _is_evident(archive, rules, without, best):
             evident.append(part)
     if not evident or len(hypothesis.parts) + len(evident) > catalogue.most:
         return best
-    rest = without_named(own, {x.form.effect for x in evident})
+    rest = part_without_named(own, {x.form.effect for x in evident})
     return archive.fit(replace(hypothesis, parts=(*hypothesis.parts, *evident), own=rest)) or best
 
 
@@ -253,7 +253,7 @@ def _root(archive: Archive, catalogue: Catalogue, rules: Rules) -> Fitted:
     roots = []
     for kit in catalogue.kits:
         bare = judged(archive, Hypothesis(structure=kit.structure))
-        own = None if kit.own is None else beside_effects(kit.own, {x.effect for x in kit.forms})
+        own = None if kit.own is None else form_without_named(kit.own, {x.effect for x in kit.forms})
         freed = None
         if bare is not None and own is not None and not only_one_sine(archive.problem.observations):
             freed = archive.fit(bare.hypothesis.freeing(own, tuple(x.starts[0] for x in own.free)))

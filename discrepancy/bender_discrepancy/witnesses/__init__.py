@@ -3,7 +3,7 @@
 | module | holds |
 |---|---|
 | `testimony` | what the channels of all records leave of each effect, what they show, and the sentences of the report |
-| `would_tell` | columns that the records lack and that could distinguish what they leave open |
+| `missing_columns` | columns that the records lack and that could distinguish what they leave open |
 | `terminals` | which effect of the supply a voltage shows that was read back, and what it leaves of the others |
 | `read_back` | the voltage at the supply's terminals or at the electrodes, held against what its effects leave there |
 | `ammeter` | how fast a supply slews whose current stays at its limit |

@@ -5,7 +5,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bender_fleet.cluster.connect import DEATHS
-from bender_fleet.work.job import Job, Told, run_job
+from bender_fleet.work.job import Job, JobAnswer, run_job
 from bender_loop.errors import RunError
 
 if TYPE_CHECKING:
@@ -19,11 +19,11 @@ class Answer(NamedTuple):
     """What came of a job: what the worker told, or None and why its workers died."""
 
     job: Job
-    told: Told | None
+    told: JobAnswer | None
     reason: str
 
 
-def answers(client: "Client", jobs: Iterator[Job], *, do: Callable[[Job], Told] = run_job) -> Iterator[Answer]:
+def answers(client: "Client", jobs: Iterator[Job], *, do: Callable[[Job], JobAnswer] = run_job) -> Iterator[Answer]:
     """Give the answers to all jobs in the order in which they come.
 
     When the iteration ends early, what is still waiting is cancelled.
@@ -67,7 +67,7 @@ def answers(client: "Client", jobs: Iterator[Job], *, do: Callable[[Job], Told] 
 def _answer(job: Job, future: Any, result: Any) -> Answer:
     from distributed import KilledWorker
 
-    if isinstance(result, Told):
+    if isinstance(result, JobAnswer):
         return Answer(job, result, "")
     error = result[1] if isinstance(result, tuple) and len(result) == 3 else result
     if isinstance(error, KilledWorker):

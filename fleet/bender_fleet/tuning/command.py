@@ -342,7 +342,7 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
             remarks=[
                 *([SETS] if len(gains) > 1 else []),
                 *_others(found),
-                *_eased(found, settings),
+                *_relaxed_bounds(found, settings),
             ],
         ),
     ]  # fmt: skip
@@ -364,7 +364,7 @@ def _first(units: Sequence[str]) -> str:
     return ", ".join(units[:_TOLD]) + " ..." * (len(units) > _TOLD)
 
 
-def _eased(found: FleetTuning, settings: TuneSettings) -> list[str]:
+def _relaxed_bounds(found: FleetTuning, settings: TuneSettings) -> list[str]:
     """Return a sentence for every group whose bound on Ms gave way."""
     return [
         f"Group {k}: Ms is held to {x.max_ms:.3g}, since with {settings.max_ms:g} the slowest unit would settle later "
@@ -381,7 +381,7 @@ def _print(found: FleetTuning, settings: TuneSettings, out: Path) -> None:
             f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/µm, "
             f"Ki {gains.integral_V_per_um_s:.4g} V/(µm s), Kd {gains.derivative_V_s_per_um:.4g} V s/µm\n"
         )
-    sys.stdout.writelines(f"{line}\n" for line in (*_others(found), *_eased(found, settings)))
+    sys.stdout.writelines(f"{line}\n" for line in (*_others(found), *_relaxed_bounds(found, settings)))
     if found.unserved:
         sys.stdout.write(f"{len(found.unserved)} units are not served: {_first(list(found.unserved))}\n")
     sys.stdout.write(f"written: {out}\n")

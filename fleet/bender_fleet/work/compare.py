@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bender_fleet.work.diagnose import ForeignModel
-from bender_fleet.work.job import Found
+from bender_fleet.work.job import UnitResult
 from bender_fleet.work.reading import Reading
 from bender_plant.model import Model
 
@@ -25,7 +25,7 @@ class CompareWork:
     model: Model | ForeignModel
     reading: Reading
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:
         """Return the figures of the comparison; see `job.Work`."""
         from bender_loop.records.compare import compare, require_readings
         from bender_loop.records.replay import replay
@@ -49,7 +49,7 @@ class CompareWork:
         }
         told = {"records": list(names), "start": [x.start for x in played], **asdict(figures)}
         text = json.dumps(told, indent=2, allow_nan=False) + "\n"
-        return Found(row, (), {"comparison.json": text.encode()})
+        return UnitResult(row, (), {"comparison.json": text.encode()})
 
     def _opened(self) -> "FmuPlant | WatchedPlant":
         from bender_loop.fmu.plant import FmuPlant

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from bender_fleet.work.job import Found
+from bender_fleet.work.job import UnitResult
 from bender_fleet.work.reading import Reading
 from bender_plant.model import Model
 
@@ -42,13 +42,13 @@ class DiagnoseWork:
     settings: "Settings"
     report: bool = False
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:
         """Return rows and files of the diagnosis; see `job.Work`."""
         with TemporaryDirectory() as folder:
             diagnosis = self.diagnosis(paths, names)
             diagnosis.write(Path(folder), report=self.report)
             files = {x.name: x.read_bytes() for x in sorted(Path(folder).iterdir())}
-        return Found(*rows(diagnosis.to_dict()), files)
+        return UnitResult(*rows(diagnosis.to_dict()), files)
 
     def diagnosis(self, paths: Sequence[Path], names: Sequence[str]) -> "Diagnosis":
         """Return the diagnosis of the records of a unit.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bender_fleet.work.job import Found
+from bender_fleet.work.job import UnitResult
 from bender_fleet.work.reading import Reading
 from bender_plant.model import Model
 
@@ -19,7 +19,7 @@ class IdentifyWork:
     reading: Reading
     seed: int = 1
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:
         """Return the figures of the model and its files; see `job.Work`."""
         from bender_identify.identification import identify
         from bender_identify.records.experiment import experiment_of
@@ -42,4 +42,4 @@ class IdentifyWork:
             "has_model": True,
         }
         files = contents(outcome, "model")
-        return Found(row, (), {k: v.encode() if isinstance(v, str) else v for k, v in files.items()})
+        return UnitResult(row, (), {k: v.encode() if isinstance(v, str) else v for k, v in files.items()})

@@ -18,7 +18,7 @@ _LONGEST_REASON = 600
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class UnitResult:
     """What came of a unit.
 
     Attributes:
@@ -35,7 +35,7 @@ class Found:
 class Work(Protocol):
     """What is done with a unit; it travels to the worker, so it holds plain values only."""
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:
         """Return what comes of the records of a unit.
 
         Raises:
@@ -73,7 +73,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class JobAnswer:
     """What a worker answers: a few words, and what the client has to write where the worker could not."""
 
     unit: str
@@ -83,20 +83,20 @@ class Told:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def run_job(job: Job) -> Told:
+def run_job(job: Job) -> JobAnswer:
     """Do a unit's work in a worker. What goes wrong with the unit is a row too; nothing is raised for it.
 
     A job that is asked for again because a worker died after the result was written is not done again.
     """
     if job.out is not None and (kept := find_part(Path(job.out), job.folder, job.key, job.run if job.again else None)):
-        return Told(job.unit, kept.status, kept.seconds)
+        return JobAnswer(job.unit, kept.status, kept.seconds)
     began = time.perf_counter()
     status, reason, found = _attempt(job)
     part = Part(job.key, job.run, status, reason, time.perf_counter() - began, found.row, tuple(found.effects))
     if job.out is None:
-        return Told(job.unit, status, part.seconds, part, found.files)
+        return JobAnswer(job.unit, status, part.seconds, part, found.files)
     write_part(Path(job.out), job.folder, part, found.files)
-    return Told(job.unit, status, part.seconds)
+    return JobAnswer(job.unit, status, part.seconds)
 
 
 def killed(job: Job, reason: str) -> Part:
@@ -104,19 +104,19 @@ def killed(job: Job, reason: str) -> Part:
     return Part(job.key, job.run, FAILED, reason, 0.0, {}, ())
 
 
-def _attempt(job: Job) -> tuple[str, str, Found]:
+def _attempt(job: Job) -> tuple[str, str, UnitResult]:
     try:
         with _one_thread(), _at_hand(job) as paths:
             return DONE, "", job.work.do(paths, job.records)
     except InputError as error:
-        return BROKEN, _line(str(error)), Found({})
+        return BROKEN, _line(str(error)), UnitResult({})
     except RunError as error:
-        return FAILED, _line(str(error)), Found({})
+        return FAILED, _line(str(error)), UnitResult({})
     except MemoryError:
-        return FAILED, "out of memory; allow a worker more with --memory, or give it shorter records", Found({})
+        return FAILED, "out of memory; allow a worker more with --memory, or give it shorter records", UnitResult({})
     except Exception as error:
         # a fault in one unit must not end the fleet; the row says what it was
-        return FAILED, _line(f"a fault in bender itself: {type(error).__name__}: {error}"), Found({})
+        return FAILED, _line(f"a fault in bender itself: {type(error).__name__}: {error}"), UnitResult({})
 
 
 def _one_thread() -> contextlib.AbstractContextManager[object]:

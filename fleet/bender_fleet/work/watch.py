@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_fleet.work.diagnose import ForeignModel
-from bender_fleet.work.job import Found
+from bender_fleet.work.job import UnitResult
 from bender_fleet.work.reading import Reading
 from bender_loop.records.record import Record
 from bender_plant.model import Model
@@ -34,7 +34,7 @@ class WatchWork:
     settings: "Settings"
     every: str
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:
         """Return what was raised, and the files of the watch; see `job.Work`."""
         from bender_watch.baseline.learn import learn
         from bender_watch.command import summary_of
@@ -44,7 +44,7 @@ class WatchWork:
         from bender_watch.settings import rows_of
         from bender_watch.watcher import Watcher
 
-        training, watched = self._parted(self.reading.records(paths), names)
+        training, watched = self._split_records(self.reading.records(paths), names)
         interval_s = float((training.time_s[-1] - training.time_s[0]) / (len(training) - 1))
         how = replace(self.settings, rows_between_false_alarms=rows_of(self.every, interval_s))
         base = learn(self._expected(), training, how.rows_between_false_alarms, linear=how.linear, name=names[0])
@@ -60,7 +60,7 @@ class WatchWork:
             SUMMARY: json.dumps(facts, indent=2, allow_nan=False) + "\n",
             REPORT: report_page(events, watcher, facts),
         }
-        return Found(*rows_of_watch(facts), {name: text.encode() for name, text in texts.items()})
+        return UnitResult(*rows_of_watch(facts), {name: text.encode() for name, text in texts.items()})
 
     def _expected(self) -> Any:
         from bender_watch.baseline.expectation import OfFmu
@@ -70,7 +70,9 @@ class WatchWork:
         given = self.model
         return OfFmu(Path(given.path), given.input, given.output, dict(given.parameters))
 
-    def _parted(self, records: Sequence[Record], names: Sequence[str]) -> tuple[Record, list[tuple[str, Record]]]:
+    def _split_records(
+        self, records: Sequence[Record], names: Sequence[str]
+    ) -> tuple[Record, list[tuple[str, Record]]]:
         """Return the training record and those that are watched; of a single one, its first rows are the training."""
         if len(records) > 1:
             return records[0], list(zip(names[1:], records[1:], strict=True))

@@ -59,7 +59,7 @@ class Calibration:
         check_numbers(self, _BOUNDS, whole=("width_px", "height_px"))
 
     @classmethod
-    def told(cls, um_per_px: float, width_px: int = 640, height_px: int = 480) -> Self:
+    def of_scale(cls, um_per_px: float, width_px: int = 640, height_px: int = 480) -> Self:
         """A scale known from elsewhere, without distortion and with its uncertainty unknown."""
         return cls(um_per_px, 0.0, 0.0, width_px, height_px, (width_px - 1) / 2, (height_px - 1) / 2)
 

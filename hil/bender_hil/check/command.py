@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.check.dry_runs import check_answer, check_at_rest, facts_of, noise_of
     from bender_hil.check.findings import FAILED, FINE, REMARK, Finding
-    from bender_hil.runner.run_lock import told_run
+    from bender_hil.runner.run_lock import sole_run_with_note
     from bender_loop.shell.files import prepare_directory, write_atomically, write_result
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import answer
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     prepare_directory(out)
     name = "the emulated bench" if arguments.bench is None else str(arguments.bench)
     findings = [Finding("bench file", FINE, f"{name} can be read")]
-    with told_run(bench.address, out, _say):
+    with sole_run_with_note(bench.address, out, _say):
         found, log = check_at_rest(bench, out / "rest", fmu)
         findings += found
         if log is not None and not arguments.no_voltage and all(finding.state != FAILED for finding in found):

@@ -30,7 +30,7 @@ _DRIFT_SHARE, _STEADY = 0.05, 0.7
 """A drift of a still loop's command: of the range, and so steady (creep of the material slows down with log time)."""
 
 
-def unexpected(log: RunLog) -> list[str]:
+def unexpected_behaviour(log: RunLog) -> list[str]:
     """Return what a run's ticks say against it, a sentence each; of a run that is too short, nothing."""
     bench, program = log.start.get("bench", {}), log.start.get("program", {})
     ticks = [tick for tick in log.ticks if tick["measured_um"] is not None]

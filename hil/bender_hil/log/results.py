@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_hil.log.ending import Conduct, EndOfRun, conduct, count_swings, last_line
-from bender_hil.log.expectation import unexpected
+from bender_hil.log.expectation import unexpected_behaviour
 from bender_hil.log.figures import (
     PAPER_R2_DOWN,
     PAPER_R2_UP,
@@ -71,7 +71,7 @@ def write_results(directory: Path, log: RunLog, record: Path | None, end: EndOfR
             step, stairs = step_figures(found), staircase_figures(found)
     except InputError as error:
         unwritten.append(str(error))
-    said = conduct(summary, swings, step, unexpected(log))
+    said = conduct(summary, swings, step, unexpected_behaviour(log))
     line = last_line(said, end)
     rows = _rows(summary, swings, step, stairs)
     facts = _facts(summary, swings, step, stairs, said, end, line)
@@ -101,7 +101,7 @@ def recover(directory: Path) -> Results:
         # what the page and the table need of the logs is asked before anything is written
         summarise(log)
         count_swings(log)
-        unexpected(log)
+        unexpected_behaviour(log)
     if record is None:
         raise InputError(f"{directory}: fewer than two ticks reached the supply, which makes no record")
     write_record(directory / RECORD, record)

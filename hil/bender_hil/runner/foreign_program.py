@@ -106,15 +106,17 @@ def foreign_commands_again(program: dict[str, Any], ticks: list[dict[str, Any]],
     commands = []
     with FmuController(path, program["period_s"]) as controller:
         start_V = min(max(0.0, limits.lower_V), limits.upper_V)
-        loop = ForeignLoop(_Told(), controller, limits, program["slew_V_per_s"], program["period_s"], 1.0, start_V)
+        loop = ForeignLoop(
+            _LoggedReference(), controller, limits, program["slew_V_per_s"], program["period_s"], 1.0, start_V
+        )
         for tick in ticks:
-            loop.reference = _Told(tick["setpoint_um"])
+            loop.reference = _LoggedReference(tick["setpoint_um"])
             commands.append(loop.decide(tick["time_s"], tick["dt_s"], tick["measured_um"]).voltage_V)
     return commands
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _LoggedReference:
     """The set-point that a log has for a tick."""
 
     setpoint_um: float = 0.0

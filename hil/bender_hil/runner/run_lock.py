@@ -48,7 +48,7 @@ def sole_run(resource: str | None, out: Path) -> Iterator[str | None]:
 
 
 @contextlib.contextmanager
-def told_run(resource: str | None, out: Path, tell: Callable[[str], None]) -> Iterator[None]:
+def sole_run_with_note(resource: str | None, out: Path, tell: Callable[[str], None]) -> Iterator[None]:
     """Hold the locks of a run as `sole_run` does; tell, in one sentence, who else runs a bench here.
 
     Raises:

@@ -20,5 +20,5 @@ choice          which structure the records support
 | `rivals` | one nonlinear part beside a simple structure, as the rival of a further order |
 | `start_values` | where the fits of a structure begin |
 | `structures` | what a first model may consist of: lags and modes in series with a gain and a delay |
-| `told` | a first model as numbers for a program and as rows of tables |
+| `report` | a first model as numbers for a program and as rows of tables |
 """

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: no structure follows the records.
     """
     from bender_identify.first_model.choice import first_model
-    from bender_identify.first_model.told import learned_model
+    from bender_identify.first_model.report import learned_model
     from bender_loop.errors import RunError
     from bender_loop.records.arguments import record_of
     from bender_loop.records.record import in_units_of
@@ -111,7 +111,7 @@ def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quanti
     import tomli_w
 
     from bender_export.build import build_plant_fmu
-    from bender_identify.first_model.told import facts
+    from bender_identify.first_model.report import facts
     from bender_loop.shell.files import keep_earlier, prepare_directory, result_text, write_atomically
 
     with TemporaryDirectory() as scratch:
@@ -130,7 +130,7 @@ def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quanti
 
 
 def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *, is_free: bool) -> None:
-    from bender_identify.first_model.told import choice_sentence, columns, doubt_sentence, sentences, table
+    from bender_identify.first_model.report import choice_sentence, columns, doubt_sentence, sentences, table
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import remark
     from bender_loop.tables.quantities import MICROMETRE, VOLT

@@ -110,13 +110,13 @@ def regression_of(
         rates.append(rate_of_w)
         rows = max(rows, block)
     columns = np.concatenate(parts)
-    kept, twins = _told_apart(terms, columns)
+    kept, twins = _distinct_terms(terms, columns)
     scales = np.array([scale_of(terms[k], w_um, u_V, scale_s) for k in kept])
     names = tuple(terms[k] for k in kept)
     return Regression(names, columns[:, kept], np.concatenate(rates), scales, form, rows, twins)
 
 
-def _told_apart(terms: Sequence[str], columns: Array) -> tuple[list[int], tuple[tuple[str, str], ...]]:
+def _distinct_terms(terms: Sequence[str], columns: Array) -> tuple[list[int], tuple[tuple[str, str], ...]]:
     """Return the columns to keep, of any two that are the same up to a factor the first; and the others with it."""
     size = np.linalg.norm(columns, axis=0)
     scaled = columns / np.where(size > 0.0, size, 1.0)

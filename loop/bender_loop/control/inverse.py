@@ -141,7 +141,7 @@ def _between(
     return Inverted(near_V, near + target_um, slope)
 
 
-def held_back(
+def limit_overdrive(
     plant: SavablePlant,
     state: object,
     found: Inverted,

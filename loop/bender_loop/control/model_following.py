@@ -36,7 +36,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from bender_loop.control import pid
-from bender_loop.control.inverse import Inverted, held_back, invert, response
+from bender_loop.control.inverse import Inverted, invert, limit_overdrive, response
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.plant import SavablePlant, restart
 from bender_loop.control.shaper import Shaped, Shaper, shape
@@ -175,7 +175,7 @@ def step(
         follower.tolerance_um,
     )
     if follower.shaper is not None and follower.lead_s == 0.0 and change_V < math.inf:
-        found = held_back(
+        found = limit_overdrive(
             follower.inverted,
             begin,
             found,
@@ -206,7 +206,7 @@ def _at_the_sample(
     if not memory.begun:
         return memory.ahead, memory.behind, memory.frames
     planned_s = follower.command_delay_s
-    ahead, behind, frame_um = _advanced(follower, memory, dt_s, planned_s if acted_s is None else acted_s)
+    ahead, behind, frame_um = _step_models(follower, memory, dt_s, planned_s if acted_s is None else acted_s)
     return ahead, behind, (*memory.frames[1:], frame_um)
 
 
@@ -245,7 +245,7 @@ def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: 
     return shaped, at_end.position_um
 
 
-def _advanced(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:
+def _step_models(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:
     """Both models at the next sample, and the frame that the sensor is predicted to show.
 
     A command that came later than the next sample was taken acts there.
@@ -254,16 +254,16 @@ def _advanced(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: flo
     plant, frame_um = follower.predictor, 0.0
     plant.restore(memory.behind)
     for part, weight in enumerate(follower.frame_weights):
-        frame_um += weight * _led_on(plant, memory, dt_s / parts, acted_s - part * (dt_s / parts))
+        frame_um += weight * _step_with_change(plant, memory, dt_s / parts, acted_s - part * (dt_s / parts))
     behind = plant.save()
     if follower.inverted is plant:
         return behind, behind, frame_um
     follower.inverted.restore(memory.ahead)
-    _led_on(follower.inverted, memory, dt_s, acted_s)
+    _step_with_change(follower.inverted, memory, dt_s, acted_s)
     return follower.inverted.save(), behind, frame_um
 
 
-def _led_on(plant: SavablePlant, memory: Memory, step_s: float, acted_s: float) -> float:
+def _step_with_change(plant: SavablePlant, memory: Memory, step_s: float, acted_s: float) -> float:
     """What the plant reads a step later, in which the present feedforward takes over after `acted_s`."""
     if acted_s <= 0.0:
         return plant.step(memory.feedforward_V, step_s)

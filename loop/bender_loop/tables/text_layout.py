@@ -177,7 +177,9 @@ def cells_of(path: Path, text: str, encoding: str, layout: TextLayout) -> Cells:
             raise InputError(f"{path}, line {k}: found {len(cells)} cells, expected {width} as in most lines")
         rows.append(cells)
         at.append(k)
-    told = _told(encoding, delimiter, decimal, names_line, bool(units and names_line is not None and any(units)))
+    told = _describe_layout(
+        encoding, delimiter, decimal, names_line, bool(units and names_line is not None and any(units))
+    )
     padded = tuple((*units, *[""] * width)[:width])
     return Cells(header, padded, tuple(rows), tuple(at), decimal, told, delimiter, names_line)
 
@@ -340,7 +342,7 @@ def _looks_like_a_unit(cell: str) -> bool:
     return len(inside) <= 5 and not any(x.isdigit() for x in inside)
 
 
-def _told(encoding: str, delimiter: str, decimal: str, header: int | None, units: bool) -> str:
+def _describe_layout(encoding: str, delimiter: str, decimal: str, header: int | None, units: bool) -> str:
     name = next((k for k, v in DELIMITERS.items() if v == delimiter), repr(delimiter))
     parts = [f"delimiter {name}", f"decimal {'comma' if decimal == ',' else 'point'}", encoding]
     parts.append("no header, columns by number" if header is None else f"names in line {header}")

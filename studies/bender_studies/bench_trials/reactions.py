@@ -82,7 +82,7 @@ def _trial(event: str, bench: EmulatedBench, emulation: EmulationSettings) -> Re
 
 def _start(bench: EmulatedBench, emulation: EmulationSettings, folder: Path) -> subprocess.Popen[bytes]:
     (folder / "hold.csv").write_text(f"time_s,voltage_V\n0,{_LEVEL_V}\n60,{_LEVEL_V}\n")
-    Calibration.told(1.5).save(folder / "calibration.toml")
+    Calibration.of_scale(1.5).save(folder / "calibration.toml")
     (folder / "bench.toml").write_text(
         f'[supply]\nresource = "{bench.resource}"\nmodel = "{emulation.supply}"\nbaud = {emulation.baud}\n'
         f'[camera]\nsource = "{bench.stream}"\ncalibration = "calibration.toml"\n'

@@ -103,10 +103,10 @@ def run(arguments: argparse.Namespace) -> int:
             pictures = arguments.out if number == 0 else None
             found.append(stopped_run(place, seconds, press, browsers, pictures, realtime=arguments.realtime))
             bar.update(len(found), len(lengths_s), found[-1].failure or f"{press}: {found[-1].off_ms:.0f} ms")
-    return _told(found, arguments, f"{before} before, {_load()} after")
+    return _print_figures(found, arguments, f"{before} before, {_load()} after")
 
 
-def _told(found: list[Stopped], arguments: argparse.Namespace, load: str) -> int:
+def _print_figures(found: list[Stopped], arguments: argparse.Namespace, load: str) -> int:
     """Print the figures; returns the exit status."""
     from bender_loop.shell.progress import print_table
 

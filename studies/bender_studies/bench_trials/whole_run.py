@@ -188,7 +188,7 @@ def write_bench(
     if amplifier is not None:
         tables["amplifier"] = _table(amplifier)
     if settings.sensor == MICROSCOPE:
-        Calibration.told(1.5).save(folder / "calibration.toml")
+        Calibration.of_scale(1.5).save(folder / "calibration.toml")
         tables["camera"] = _table(CameraTable(bench.stream, calibration="calibration.toml", zero_frames=zero_readings))
     else:
         told = settings.sensor_table(str(bench.sensor_resource))

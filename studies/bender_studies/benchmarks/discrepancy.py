@@ -110,9 +110,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _probabilities(found: "Sequence[Judged]") -> None:
     """Print the reliability of the probabilities, and the weights that half of the cases teach, held to the others."""
     from bender_loop.shell.progress import print_table
-    from bender_studies.hidden_effects.probabilities import by, calibration_error, reliability, told_effects, weights
+    from bender_studies.hidden_effects.probabilities import by, calibration_error, judged_effects, reliability, weights
 
-    training, others = told_effects(found[::2]), told_effects(found[1::2])
+    training, others = judged_effects(found[::2]), judged_effects(found[1::2])
     now = [(x.probability, x.is_there) for x in (*training, *others)]
     told = [("as they are", now)]
     if training and others:

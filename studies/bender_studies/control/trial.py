@@ -168,7 +168,7 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
 def tuned(model: Model, case: Case, out: Path, evaluations: int, found: Diagnosed = NOTHING) -> "Session":
     """Tune on a model and its rivals, with the camera and the supply of the benches."""
     from bender_native.ready import ready_plant_fmu
-    from bender_tuner.task.session import open_guarded, open_rivals, posed, run_session, write_results
+    from bender_tuner.task.session import open_guarded, open_rivals, pose_problem_in_units, run_session, write_results
     from bender_tuner.task.settings import make_settings
 
     settings = make_settings(
@@ -185,7 +185,9 @@ def tuned(model: Model, case: Case, out: Path, evaluations: int, found: Diagnose
         open_guarded(ready_plant_fmu(model), found=found) as (plant, facts),
         open_rivals(plant, facts, found.rivals) as rivals,
     ):
-        session = run_session(plant, facts, posed(plant, settings, facts, rivals=rivals), follow_model=True)
+        session = run_session(
+            plant, facts, pose_problem_in_units(plant, settings, facts, rivals=rivals), follow_model=True
+        )
         write_results(session, facts, prepare_directory(out))
     return session
 

@@ -85,7 +85,7 @@ def run_on_bench(bench_file: Path, gains_file: Path, out: Path) -> Record:
     from bender_hil.runner.following_program import following
     from bender_hil.runner.program import ClosedLoop
     from bender_hil.runner.run import run
-    from bender_hil.runner.run_lock import told_run
+    from bender_hil.runner.run_lock import sole_run_with_note
 
     bench = read_bench(bench_file)
     gains, limits, _, model = read_controller(gains_file)
@@ -98,7 +98,7 @@ def run_on_bench(bench_file: Path, gains_file: Path, out: Path) -> Record:
         if model is None
         else following(program, model, gains_file.parent / model.fmu, rate_Hz, preview=False)
     )
-    with told_run(None, out, _tell), chosen as running:
+    with sole_run_with_note(None, out, _tell), chosen as running:
         result = run(bench, running, out, fmu=lambda name: ensure_plant_fmu(name))
     if result.interrupted:
         raise KeyboardInterrupt

@@ -68,7 +68,7 @@ def _line(text: str, met: bool | None = None) -> None:
 def _scheduling(arguments: argparse.Namespace, out: Path) -> Any:
     from bender_studies.fleet.scheduling import scheduled
 
-    return _told_scheduling("local cluster", scheduled(arguments.sleeping, arguments.workers, _empty(out / "local")))
+    return _print_scheduling("local cluster", scheduled(arguments.sleeping, arguments.workers, _empty(out / "local")))
 
 
 def _file(arguments: argparse.Namespace, out: Path) -> Any:
@@ -76,10 +76,10 @@ def _file(arguments: argparse.Namespace, out: Path) -> Any:
 
     with cluster_of_processes(arguments.workers, out / "processes") as cluster:
         found = scheduled(arguments.sleeping, arguments.workers, _empty(out / "file"), cluster)
-    return _told_scheduling("processes found by --scheduler-file", found)
+    return _print_scheduling("processes found by --scheduler-file", found)
 
 
-def _told_scheduling(what: str, x: Any) -> Any:
+def _print_scheduling(what: str, x: Any) -> Any:
     from dataclasses import asdict
 
     _line(f"{what}: {x.units} units of 20 ms in {x.seconds:.1f} s with {x.workers} workers")
@@ -108,11 +108,11 @@ def _speed(arguments: argparse.Namespace, out: Path) -> Any:
 def _names(arguments: argparse.Namespace, out: Path) -> Any:
     from dataclasses import asdict
 
-    from bender_studies.fleet.names import held_to_truth
+    from bender_studies.fleet.names import compare_with_truth
 
     manifest = _example(arguments, out)
     results = _diagnosed(manifest, arguments.workers, out / f"names{_of_seed(arguments)}")
-    x = held_to_truth(results, manifest.parent / "truth.json")
+    x = compare_with_truth(results, manifest.parent / "truth.json")
     share = x.right / max(x.readable, 1)
     _line(f"names right in {x.right} of {x.readable} readable units, {100 * share:.1f} % (target 95)", share >= 0.95)
     for unit, hidden, said in x.wrong:

@@ -15,7 +15,7 @@ HIDDEN_EFFECT = "saturation"
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class TruthComparison:
     """A fleet held to its truth.
 
     Attributes:
@@ -39,7 +39,7 @@ class Held:
     on_page: bool
 
 
-def held_to_truth(out: Path, truth: Path) -> Held:
+def compare_with_truth(out: Path, truth: Path) -> TruthComparison:
     """Return how the results of a fleet compare with what was hidden; units that were not reached are left out.
 
     Raises:
@@ -68,4 +68,4 @@ def held_to_truth(out: Path, truth: Path) -> Held:
     shown = all(
         x in page for x in (f"{known['bad_batch']}: {HIDDEN_EFFECT}", "With the date: gain", "Units without a result")
     )
-    return Held(readable, readable - len(wrong), tuple(wrong), broken, told, batch, drift, shown)
+    return TruthComparison(readable, readable - len(wrong), tuple(wrong), broken, told, batch, drift, shown)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bender_compiled.abreast import THREADS
+from bender_compiled.parallel_map import THREADS
 from bender_fleet.asked import task_of
 from bender_fleet.cluster.settings import ClusterSettings
 from bender_fleet.results.tables import TIME_TABLE

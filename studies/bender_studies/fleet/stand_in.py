@@ -13,7 +13,7 @@ import numpy as np
 
 from bender_fleet.run import Task
 from bender_fleet.sources.units import Unit
-from bender_fleet.work.job import Found
+from bender_fleet.work.job import UnitResult
 from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 
@@ -39,7 +39,7 @@ class Sleeping:
     fatal: tuple[str, ...] = ()
     log: str | None = None
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:  # noqa: ARG002
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:  # noqa: ARG002
         """Return a row as a diagnosis has it; see `bender_fleet.work.job.Work`."""
         if self.log is not None:
             write_atomically(Path(self.log) / f"{names[0]}.{secrets.token_hex(4)}", str(os.getpid()))
@@ -65,7 +65,7 @@ def task(work: Sleeping | None = None) -> Task:
     return Task(work or Sleeping(), {"stand_in": True}, "paper")
 
 
-def _said(rng: np.random.Generator, number: int) -> Found:
+def _said(rng: np.random.Generator, number: int) -> UnitResult:
     if rng.random() < 0.05:
         raise InputError(f"none-{number}, line 3, column voltage_V: no such column; name it with --columns")
     names = [str(x) for x in rng.choice(EFFECTS, int(rng.integers(1, 4)), replace=False)]
@@ -93,4 +93,4 @@ def _said(rng: np.random.Generator, number: int) -> Found:
         }
         for x in names
     ]  # fmt: skip
-    return Found(row, effects)
+    return UnitResult(row, effects)

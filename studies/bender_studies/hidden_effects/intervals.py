@@ -118,7 +118,7 @@ KNOWN: Mapping[str, Known] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class StatedInterval:
     """What was said of the number of one bench.
 
     Attributes:
@@ -146,7 +146,7 @@ class Told:
     exposure_s: float = 0.0
 
     @property
-    def is_told(self) -> bool:
+    def has_interval(self) -> bool:
         """Whether there is an interval; that of a step on whose multiples all readings lie has no width."""
         return math.isfinite(self.found) and 0.0 <= self.deviation < math.inf
 
@@ -161,14 +161,14 @@ class Told:
     @property
     def deviations(self) -> float:
         """How many stated deviations the number is off."""
-        if not self.is_told or self.deviation == 0.0:
-            return 0.0 if self.is_told and self.off == 0.0 else math.inf
+        if not self.has_interval or self.deviation == 0.0:
+            return 0.0 if self.has_interval and self.off == 0.0 else math.inf
         return abs(self.off) / self.deviation
 
     @property
     def covers(self) -> bool:
         """Whether the 95 % interval holds the truth: the stated one, or that of the deviation where there is none."""
-        if not self.is_told or self.interval is None:
+        if not self.has_interval or self.interval is None:
             return self.deviations <= DEVIATIONS
         below, above = self.found - self.interval[0], self.interval[1] - self.found
         if self.effect == "periodic_disturbance":
@@ -215,10 +215,10 @@ def exposure_of(case: "Case", number: int, seed: int) -> float:
     return float(rng.uniform(*EXPOSURES_S)) if exposed else 0.0
 
 
-def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[Told]:
+def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[StatedInterval]:
     """Draw benches, record and diagnose them in processes of their own, and judge, in their order."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
-        trials = [pool.submit(_told, k, seed, folder) for k in numbers]
+        trials = [pool.submit(_stated_interval, k, seed, folder) for k in numbers]
         try:
             for trial in trials:
                 yield trial.result()
@@ -226,7 +226,7 @@ def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
             pool.shutdown(cancel_futures=True)
 
 
-def _told(number: int, seed: int, folder: Path) -> Told:
+def _stated_interval(number: int, seed: int, folder: Path) -> StatedInterval:
     """Record a bench and diagnose the file; the diagnosis is given nothing else."""
     import numpy as np
 
@@ -247,7 +247,7 @@ def _told(number: int, seed: int, folder: Path) -> Told:
     path.unlink()
     rate_Hz = 1.0 / float(np.median(np.diff(time_s))) if are_even(time_s) else 0.0
     said = (answer.verdict, answer.found, answer.deviation, answer.interval)
-    return Told(number, case.id, hidden.id, known.truth(hidden), rate_Hz, *said, exposure_s)
+    return StatedInterval(number, case.id, hidden.id, known.truth(hidden), rate_Hz, *said, exposure_s)
 
 
 def diagnosed(path: Path, asked: Mapping[str, str]) -> Number:
@@ -272,12 +272,12 @@ def answered(diagnosis: "Diagnosis", asked: Mapping[str, str]) -> Number:
     return Number(diagnosis.verdict, listed, known.value, known.std, interval=known.interval)
 
 
-def totals(found: Sequence[Told]) -> list[list[str]]:
+def totals(found: Sequence[StatedInterval]) -> list[list[str]]:
     """Return rows for each effect, exposed benches and all: effect, benches, intervals, that cover, share, interval."""
     rows = []
     for name in (*KNOWN, EXPOSED, "all"):
         some = [x for x in found if name in (x.effect, "all") or (name == EXPOSED and x.exposure_s)]
-        told = [x for x in some if x.is_told]
+        told = [x for x in some if x.has_interval]
         if not told:
             continue
         cover = sum(x.covers for x in told)
@@ -287,7 +287,7 @@ def totals(found: Sequence[Told]) -> list[list[str]]:
     return rows
 
 
-def misses(found: Sequence[Told]) -> list[list[str]]:
+def misses(found: Sequence[StatedInterval]) -> list[list[str]]:
     """Return a row for each interval that misses, and each number that was not told."""
     return [
         [

@@ -14,7 +14,7 @@ RIDGE = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class JudgedEffect:
     """One effect that an answer had in its model.
 
     Attributes:
@@ -28,16 +28,16 @@ class Told:
     is_there: bool
 
 
-def told_effects(cases: Sequence[Judged]) -> list[Told]:
+def judged_effects(cases: Sequence[Judged]) -> list[JudgedEffect]:
     """Return the effects of all answers."""
     return [
-        Told(parts, x.answer.probabilities[name], name in x.truth)
+        JudgedEffect(parts, x.answer.probabilities[name], name in x.truth)
         for x in cases
         for name, parts in x.answer.cases.items()
     ]
 
 
-def weights(told: Sequence[Told]) -> tuple[float, ...]:
+def weights(told: Sequence[JudgedEffect]) -> tuple[float, ...]:
     """Return the weights of a logistic curve that fit best (maximum likelihood with a slight ridge)."""
     parts = np.array([x.parts for x in told])
     signs = np.array([1.0 if x.is_there else -1.0 for x in told])
@@ -51,7 +51,7 @@ def weights(told: Sequence[Told]) -> tuple[float, ...]:
     return tuple(round(float(x), 3) for x in minimize(loss, start, bounds=bounds).x)
 
 
-def by(told: Sequence[Told], weighed: Sequence[float]) -> list[tuple[float, bool]]:
+def by(told: Sequence[JudgedEffect], weighed: Sequence[float]) -> list[tuple[float, bool]]:
     """Return the probability that some weights give every effect, and whether it is there."""
     evidence = np.array([x.parts for x in told]) @ np.array(weighed)
     return [(float(p), x.is_there) for p, x in zip(1.0 / (1.0 + np.exp(-evidence)), told, strict=True)]

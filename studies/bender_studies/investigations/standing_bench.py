@@ -56,7 +56,7 @@ class StandingBench:
             guard: lines of its table `[guard]`.
         """
         scene = SceneSettings.from_table(self._settings.scene)
-        Calibration.told(scene.um_per_px, scene.width_px, scene.height_px).save(path.with_name("calibration.toml"))
+        Calibration.of_scale(scene.um_per_px, scene.width_px, scene.height_px).save(path.with_name("calibration.toml"))
         path.write_text(
             f'[supply]\nresource = "{self._bench.resource}"\nmodel = "{self._settings.supply}"\n'
             f'[camera]\nsource = "{self._bench.stream}"\ncalibration = "calibration.toml"\n'

@@ -40,7 +40,7 @@ def lines(exhibits: Sequence[Exhibit]) -> list[list[Cell]]:
 def cells(row: Row) -> list[Cell]:
     """Quantity, unit and the three columns; a tick where a number rounds to the printed digits."""
     printed = None if row.paper is None else row.paper.text
-    return [row.quantity, row.unit, printed, _told(row, row.paper_mode), _told(row, row.ours)]
+    return [row.quantity, row.unit, printed, _cell(row, row.paper_mode), _cell(row, row.ours)]
 
 
 def counted(exhibits: Sequence[Exhibit]) -> tuple[int, int]:
@@ -53,7 +53,7 @@ def counted(exhibits: Sequence[Exhibit]) -> tuple[int, int]:
     return sum(met.values()), len(met)
 
 
-def _told(row: Row, value: Shown) -> str | None:
+def _cell(row: Row, value: Shown) -> str | None:
     if value is None or isinstance(value, str):
         return value
     tick = MET if row.paper is not None and row.paper.is_met_by(value) else ""

@@ -90,7 +90,7 @@ class EmulatedBench:
         settings, exposure_s = SceneSettings(), 2.0 * self.delay_s
         scene = Scene(settings, self.rng)
         tracker = Tracker(
-            TrackerSettings(), Calibration.told(settings.um_per_px, settings.width_px, settings.height_px)
+            TrackerSettings(), Calibration.of_scale(settings.um_per_px, settings.width_px, settings.height_px)
         )
         tracker.zero(scene.render(0.0) for _ in range(ZERO_FRAMES))
         fine_s, tip_um = self._moved(voltage, duration_s)

@@ -78,7 +78,7 @@ def _fresh(case: Case, method: str, seed: int) -> tuple[Scene, Values, Tracker]:
     scene_rng, tip_rng = np.random.default_rng(seed).spawn(2)
     settings = case.scene()
     scene = Scene(settings, scene_rng)
-    tracker = Tracker(TrackerSettings(method=method), Calibration.told(settings.um_per_px))
+    tracker = Tracker(TrackerSettings(method=method), Calibration.of_scale(settings.um_per_px))
     tracker.zero(scene.render(0.0) for _ in range(_REST_FRAMES))
     return scene, tip_rng.uniform(-_TRAVEL_UM, _TRAVEL_UM, _FRAMES_PER_SCENE), tracker
 

@@ -82,7 +82,7 @@ def count_silent_failures(
         rng = np.random.default_rng(scene_seed)
         settings = any_scene(rng)
         scene = Scene(settings, rng)
-        tracker = Tracker(TrackerSettings(method=method), Calibration.told(settings.um_per_px))
+        tracker = Tracker(TrackerSettings(method=method), Calibration.of_scale(settings.um_per_px))
         try:
             tracker.zero(scene.render(0.0) for _ in range(_REST_FRAMES))
         except RunError:

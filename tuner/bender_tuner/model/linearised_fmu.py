@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class LinearisationRequest:
     """What is linearised, and where.
 
     Attributes:
@@ -97,7 +97,7 @@ class LinearFmu:
         }
 
 
-def linearised_fmu(fmu: Path, asked: Asked) -> LinearFmu:
+def linearised_fmu(fmu: Path, asked: LinearisationRequest) -> LinearFmu:
     """Return the linear model of an FMU after its input has been held; it runs in a process of its own.
 
     Raises:
@@ -136,7 +136,7 @@ def linearised_fmu(fmu: Path, asked: Asked) -> LinearFmu:
     return LinearFmu(states, model, point, (facts.input, facts.output), facts.units, notes)
 
 
-def _times(fmu: Path, asked: Asked) -> tuple[float, float]:
+def _times(fmu: Path, asked: LinearisationRequest) -> tuple[float, float]:
     """Return sampling time and longest wait, from the default experiment where they were not given."""
     experiment = read_description(fmu).defaultExperiment
     stop_s, own_s = (float(getattr(experiment, name, None) or 0.0) for name in ("stopTime", "stepSize"))

@@ -56,7 +56,7 @@ def sensitivities(gains: Gains, plant: DelayedPlant) -> Sensitivities:
     )
 
 
-def shown_from_Hz(plant: DelayedPlant, crossover_rad_per_s: float) -> float:
+def lowest_drawn_Hz(plant: DelayedPlant, crossover_rad_per_s: float) -> float:
     """Return the lowest frequency that a picture of the loop needs: well below its crossover, NaN for none."""
     if math.isfinite(crossover_rad_per_s):
         return crossover_rad_per_s / (2.0 * math.pi) / 10.0**_DECADES_BELOW_CROSSOVER

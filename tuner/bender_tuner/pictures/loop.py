@@ -14,7 +14,7 @@ from bender_report.wording import relabelled
 from bender_tuner.model.ensemble import Case
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import Margins, margins
-from bender_tuner.model.sensitivities import Sensitivities, sensitivities, shown_from_Hz
+from bender_tuner.model.sensitivities import Sensitivities, lowest_drawn_Hz, sensitivities
 from bender_tuner.task.problem import TuningProblem
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def draw_loop(problem: TuningProblem, gains: Gains) -> bytes:
     found = margins(gains, nominal.delayed)
     figure = new_figure(17.5, 6.4)
     panels = figure.subplot_mosaic(_LAYOUT, width_ratios=(1.0, 1.0, 1.25, 1.0, 1.0))
-    from_Hz = shown_from_Hz(nominal.delayed, found.crossover_rad_per_s)
+    from_Hz = lowest_drawn_Hz(nominal.delayed, found.crossover_rad_per_s)
     behind = [case for case in problem.ensemble.cases if case is not nominal]
     curves = [(_thinned(case, gains, from_Hz), MUTED, 0.7, 3) for case in behind]
     curves.append((_thinned(nominal, gains, from_Hz), TUNED, 2.0, 5))

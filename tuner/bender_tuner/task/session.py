@@ -114,7 +114,7 @@ def hold_session(
         Bars() as bars,
         shown_in(*facts.units),
     ):
-        problem = posed(plant, settings, facts, bars, rivals)
+        problem = pose_problem_in_units(plant, settings, facts, bars, rivals)
         prepare_directory(out)
         told = list(task_lines(settings, facts.path, facts.input, facts.output))
         _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
@@ -127,7 +127,7 @@ def hold_session(
     return session
 
 
-def posed(
+def pose_problem_in_units(
     plant: GuardedPlant,
     settings: TuneSettings,
     facts: FmuFacts,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bender_compiled.stream import Stream
 from bender_plant.model import Model
 from bender_watch.baseline.candidates import COARSER
-from bender_watch.baseline.expectation import stood_s
+from bender_watch.baseline.expectation import rest_before_s
 from bender_watch.baseline.noise import innovations
 from bender_watch.sequential.detector import CLIP, Noise
 
@@ -87,11 +87,11 @@ class Beginning:
         far, near = (high, low) if voltage_V - low < high - voltage_V else (low, high)
         own, *others = self._streams
         if not rest:
-            own.begin(time_s - stood_s(own), voltage_V)
+            own.begin(time_s - rest_before_s(own), voltage_V)
         for stream, (parts, before) in zip(others, PASTS, strict=True):
             ends = [voltage_V + abs(x) * ((far if x > 0.0 else near) - voltage_V) for x in parts]
             begin_s = time_s - (before + len(ends) - 1) * self.interval_s
-            stream.begin(begin_s - stood_s(own), ends[0])
+            stream.begin(begin_s - rest_before_s(own), ends[0])
             known = [*ends[1:], voltage_V] if before else ends[1:]
             if known:
                 stream.advance(begin_s + self.interval_s * np.arange(len(known), dtype=np.float64), np.array(known))

@@ -48,7 +48,7 @@ STOOD_S = 1000.0
 MOST_SUBSTEPS = 2e6
 
 
-def stood_s(stream: Stream) -> float:
+def rest_before_s(stream: Stream) -> float:
     """Return how long a device that is met in motion is taken to have stood."""
     return min(STOOD_S, MOST_SUBSTEPS * stream.bounds.longest_s)
 
@@ -89,7 +89,7 @@ class OfModel:
             if rest:
                 stream.begin()
             else:
-                stream.begin(time_s - stood_s(stream), voltage_V)
+                stream.begin(time_s - rest_before_s(stream), voltage_V)
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
         """Return the expected readings (n,) and what each variant reads beyond the model (n, j)."""

@@ -17,7 +17,7 @@ from bender_watch.baseline.beginning import AMPLITUDE, COUNT, Beginning
 from bender_watch.baseline.candidates import candidates
 from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
-from bender_watch.baseline.signatures import Group, told_apart
+from bender_watch.baseline.signatures import Group, distinct_groups
 from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, QUIET_CLIP, Detector, Noise, Tests, make_tests
 from bender_watch.sequential.kernel import CUSUMS
 
@@ -232,7 +232,7 @@ def learn(
         raw = _driven(full, record, rest)[1]
     elif isinstance(model, Model):
         tell("what each effect would add")
-        full, groups, one_sided, only = _told_apart(model, record, expected, white, linear)
+        full, groups, one_sided, only = _distinct_signatures(model, record, expected, white, linear)
         raw = _driven(full, record, rest)[1]
     shapes = np.column_stack([np.ones(expected.size), expected, raw])
     sizes = np.sqrt(np.mean(shapes[kept] ** 2, axis=0))
@@ -273,7 +273,7 @@ def _least_um(expected: Array) -> float:
     return max(LEAST_PART * float(np.ptp(expected)), 1e-12)
 
 
-def _told_apart(
+def _distinct_signatures(
     model: Model, record: Record, expected: Array, white: "_Whitened", linear: bool
 ) -> tuple[OfModel, list[Group], list[bool], list[bool]]:
     """Return the expectation and the signatures that the record distinguishes, their groups, which have one sign."""
@@ -283,7 +283,7 @@ def _told_apart(
     found = candidates(model, time_s, voltage_V, readings_um, float(white.noise.spreads_um[0]), linear=linear)
     small = np.column_stack([np.ones(part.stop - begin), readings_um, *(x.added_um for x in found)])
     names = ["offset", "gain_error", *(x.effect for x in found)]
-    groups = told_apart(names, white.part(part).of(small), 2)
+    groups = distinct_groups(names, white.part(part).of(small), 2)
     chosen = [found[x.place - 2] for x in groups[2:]]
     sides = [False, False, *(x.one_sided for x in chosen)]
     # of several effects that look alike one may have the other sign

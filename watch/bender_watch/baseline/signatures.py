@@ -32,7 +32,7 @@ class Group:
     effects: tuple[str, ...]
 
 
-def told_apart(effects: Sequence[str], whitened: Array, first: int) -> list[Group]:
+def distinct_groups(effects: Sequence[str], whitened: Array, first: int) -> list[Group]:
     """Return the groups of signatures that a record distinguishes.
 
     Whoever asks what a change was has level and gain free beside every effect, so effects are compared by what they add

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from bender_compiled.abreast import cores
+from bender_compiled.parallel_map import cores
 
 if TYPE_CHECKING:
     from bender_loop.fmu.plant import FmuPlant
@@ -108,7 +108,7 @@ class Driver:
             child.end()
 
 
-class _Told:
+class _CountingPlant:
     """A plant that says once a second how many of its steps are done."""
 
     def __init__(self, plant: "FmuPlant", steps: int) -> None:
@@ -141,7 +141,7 @@ def _wait_and_drive() -> int:
             record = Record(**columns)
         steps = steps_of_drive(record.time_s, record.voltage_V, record.command_time_s, known, int(ramp_steps))
         with FmuPlant(Path(fmu), start_s=float(record.time_s[0])) as plant:
-            told = _Told(plant, steps)
+            told = _CountingPlant(plant, steps)
             readings = drive_record(told, record, input_hold=known, ramp_steps=int(ramp_steps))
         np.save(Path(name).with_suffix(".npy"), readings)
     return 0

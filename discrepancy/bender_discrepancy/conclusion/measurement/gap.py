@@ -201,7 +201,7 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     """Return the gap between the records and simulated readings of all of their rows, (n,) of every record."""
     noise, whole = search.archive.noise_um, search.whole
     if search.excerpts:
-        whole = [_sifted(*x, noise) for x in zip(whole, search.excerpts, after, strict=True)]
+        whole = [_without_outlying(*x, noise) for x in zip(whole, search.excerpts, after, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
     judged = [x.reporting for x in whole]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
@@ -262,7 +262,7 @@ def _shown_by_readings_um(left: list[Array]) -> float:
     return math.sqrt(sum(squares) / len(squares))
 
 
-def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:
+def _without_outlying(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:
     """Return a record without the outlying readings outside of its excerpt, which no search has set aside."""
     stray: Mask = outlying(x, x.measured_um - simulated, noise_um)
     stray[excerpt.window] = False

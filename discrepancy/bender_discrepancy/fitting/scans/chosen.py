@@ -25,7 +25,7 @@ def scan_any(
     if journal is None:
         return _scan_any(problem, base, form, noise_um, keep, beside)
     key = journal.key(problem, base, "scan", form, noise_um, keep, beside is not None)
-    told = journal.told(key)
+    told = journal.recall(key)
     if told is not None:
         return [Start(tuple(values), square) for values, square in told]
     found = _scan_any(problem, base, form, noise_um, keep, beside)

@@ -14,7 +14,7 @@ WIDER, HALVED = 4.0, 3
 """Times as far away an end of what fits alike is sought next; so often the factor between is halved."""
 
 
-def moved_in_jumps(value: float, square: float, square_at: Callable[[float], float]) -> tuple[float, float]:
+def minimise_in_jumps(value: float, square: float, square_at: Callable[[float], float]) -> tuple[float, float]:
     """Return the value around a given one at which the square is least, and that square.
 
     Args:
@@ -33,7 +33,7 @@ def moved_in_jumps(value: float, square: float, square_at: Callable[[float], flo
     return best, least
 
 
-def amid_what_fits(value: float, most: float, square_at: Callable[[float], float]) -> float:
+def middle_of_equal_fits(value: float, most: float, square_at: Callable[[float], float]) -> float:
     """Return the middle of the values around a given one whose square is at most as large as said.
 
     Which of them leaves least is up to the noise: close to an end, a command that acts in rows of another kind may lie

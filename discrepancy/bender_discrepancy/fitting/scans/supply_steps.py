@@ -16,7 +16,7 @@ from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import training_residual
-from bender_discrepancy.fitting.scans.jumps import moved_in_jumps
+from bender_discrepancy.fitting.scans.jumps import minimise_in_jumps
 from bender_discrepancy.fitting.scans.misfit import deepest_valleys, square_beside
 from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.fitting.starts import Start
@@ -42,7 +42,7 @@ def scan_supply_steps(
     or too uneven for the ringing show it at any phase.
     """
     if form.free[0].starts:
-        return _told_steps(problem, base, form, beside)
+        return _witnessed_steps(problem, base, form, beside)
     residual = training_residual(problem, base)
     if residual is None:
         return []
@@ -194,7 +194,7 @@ def _step_response(model: Model, x: Observations) -> Array:
     return (stepped - still) / step if step > 0.0 else stepped - still
 
 
-def _told_steps(problem: FitProblem, base: Hypothesis, form: Form, beside: Standing | None) -> list[Start]:
+def _witnessed_steps(problem: FitProblem, base: Hypothesis, form: Form, beside: Standing | None) -> list[Start]:
     """Return the steps that a witness tells, without a scan."""
     found = []
     for value in form.free[0].starts:
@@ -211,5 +211,5 @@ def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start, b
         tried = training_residual(problem, base.plus(form, (value,)), roughly=True)
         return math.inf if tried is None else square_beside(tried, beside)
 
-    value, square = moved_in_jumps(start.values[0], start.square, square_at)
+    value, square = minimise_in_jumps(start.values[0], start.square, square_at)
     return Start((value,), square)

@@ -132,9 +132,9 @@ def grade(searched: Searched, rules: Rules) -> Grades:
     )
     commuting = _commute(archive, best, by, rules)
     if sine or commuting:
-        found = tuple(x if not _is_touched(best, x, sine) else _doubted(x) for x in found)
+        found = tuple(x if not _is_touched(best, x, sine) else _at_most_likely(x) for x in found)
     if steps:
-        even = (replace(_doubted(x), probability=min(x.probability, rules.likely)) for x in found)
+        even = (replace(_at_most_likely(x), probability=min(x.probability, rules.likely)) for x in found)
         found = tuple(x if EFFECTS[x.id].superposes else y for x, y in zip(found, even, strict=True))
     return Grades(found, complete, closed, sine, commuting, by)
 
@@ -180,7 +180,7 @@ def _graded(
 ) -> Graded:
     part = best.hypothesis.parts[index]
     effect = part.form.effect
-    lacking = [x for x in archive.lacking(effect) if _is_counted(archive, best, x)]
+    lacking = [x for x in archive.lacking(effect) if _counts_against(archive, best, x)]
     with_others = set(best.hypothesis.effects) - {effect}
     subsets = [x for x in lacking if set(x.hypothesis.effects) <= set(best.hypothesis.effects)]
     without = archive.best(x for x in subsets if set(x.hypothesis.effects) == with_others) or base
@@ -195,7 +195,7 @@ def _graded(
     is_shown = archive.difference(best, without).deviations > rules.certain_deviations
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
-    is_certain = is_certain and not _may_be_no_answer(archive, best, index)
+    is_certain = is_certain and not _interval_reaches_no_answer(archive, best, index)
     if part.form.shown:
         is_certain, likely = True, 1.0
     word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
@@ -204,7 +204,7 @@ def _graded(
     )  # fmt: skip
 
 
-def _may_be_no_answer(archive: Archive, best: Fitted, index: int) -> bool:
+def _interval_reaches_no_answer(archive: Archive, best: Fitted, index: int) -> bool:
     """Return whether the 95 % interval of a number of an effect holds an end of its range that is no answer."""
     parts = best.hypothesis.parts
     part, first = parts[index], sum(len(x.values) for x in parts[:index])
@@ -223,7 +223,7 @@ def _may_be_no_answer(archive: Archive, best: Fitted, index: int) -> bool:
     return False
 
 
-def _is_counted(archive: Archive, best: Fitted, other: Fitted) -> bool:
+def _counts_against(archive: Archive, best: Fitted, other: Fitted) -> bool:
     """Return whether a hypothesis without an effect of the best one tells against that effect.
 
     Not where the best one is its special case: where both fit, the one with fewer numbers is meant. Nor where it has a
@@ -349,5 +349,5 @@ def contradicted(graded: Graded, closed: float) -> Graded:
     return replace(graded, grade=word, probability=likely, case=case)
 
 
-def _doubted(graded: Graded) -> Graded:
+def _at_most_likely(graded: Graded) -> Graded:
     return replace(graded, grade="likely" if graded.grade == "certain" else graded.grade)

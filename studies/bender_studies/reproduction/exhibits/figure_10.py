@@ -38,10 +38,10 @@ def show(shared: SharedWork) -> Exhibit:
 def _bas(beetles: Beetles, ours: StepMetrics) -> list[Row]:
     def row(kind: str, figure: str, remark: str = "") -> Row:
         what, unit = FIGURES[figure]
-        median = _told(figure, beetles.median(kind, lambda metrics: _figure(metrics, figure)))
+        median = _finite(figure, beetles.median(kind, lambda metrics: _figure(metrics, figure)))
         return {
             "printed": Row(
-                f"BAS-PID: {what}", unit, BAS_STEP[figure], median, _told(figure, _figure(ours, figure)), remark
+                f"BAS-PID: {what}", unit, BAS_STEP[figure], median, _finite(figure, _figure(ours, figure)), remark
             ),
             "turned": Row(f"BAS, sign of (25) turned: {what}", unit, None, median, None, remark),
             "ours": Row(f"reliable_bas on the paper's task: {what}", unit, None, None, median, remark),
@@ -80,7 +80,7 @@ def _nearest(loop: PaperLoop) -> list[Row]:
             f"Kd {g.derivative_V_s_per_um:.2g} V s/µm and misses one of them by {100.0 * miss:.0f} %"
         )
         for figure, (what, unit) in FIGURES.items():
-            found = _told(figure, _figure(response.metrics, figure))
+            found = _finite(figure, _figure(response.metrics, figure))
             told = remark if figure == "rise" else ""
             rows.append(Row(f"nearest to {name}: {what}", unit, printed[figure], found, None, told))
     return rows
@@ -95,10 +95,10 @@ def _figure(metrics: StepMetrics, figure: str) -> float:
 
 
 def _shown(metrics: StepMetrics | None, figure: str) -> Shown:
-    return "no rule" if metrics is None else _told(figure, _figure(metrics, figure))
+    return "no rule" if metrics is None else _finite(figure, _figure(metrics, figure))
 
 
-def _told(figure: str, value: float) -> Shown:
+def _finite(figure: str, value: float) -> Shown:
     return finite(value, "runs away" if figure == "overshoot" else "never")
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bender_discrepancy.witnesses.would_tell import would_tell
+from bender_discrepancy.witnesses.missing_columns import missing_columns
 from bender_loop.records.record import Record
 
 ROWS = np.arange(120) / 30.0
@@ -18,12 +18,12 @@ FEW = np.where(np.arange(120) < 10, VOLTS, np.nan)
 
 
 def columns(*effects, records=(PLAIN,), is_film=True):
-    return {x.column: x.tells for x in would_tell(map(frozenset, effects), records, is_film=is_film)}
+    return {x.column: x.tells for x in missing_columns(map(frozenset, effects), records, is_film=is_film)}
 
 
 def test_a_lag_of_the_source_against_one_of_the_sensor_is_told_by_voltages_between_the_two():
     sets = [frozenset({"source_resistance", "creep"}), frozenset({"sensor_lag", "creep"})]
-    found = would_tell(sets, [PLAIN], is_film=True)
+    found = missing_columns(sets, [PLAIN], is_film=True)
     assert [x.to_dict() for x in found] == [
         {
             "column": "supply_voltage_V",
@@ -65,7 +65,7 @@ def test_a_drift_is_told_by_the_temperature_and_both_columns_are_named_where_bot
 
 @pytest.mark.parametrize(("is_film", "words"), [(True, "could show thermal drift, or exclude"), (False, "0.05 K")])
 def test_how_far_a_kelvin_moves_the_tip_is_known_of_films_alone(is_film, words):
-    (found,) = would_tell([frozenset({"thermal_drift"}), frozenset({"creep"})], [PLAIN], is_film=is_film)
+    (found,) = missing_columns([frozenset({"thermal_drift"}), frozenset({"creep"})], [PLAIN], is_film=is_film)
     assert words in found.why
     assert ("show" in found.why) == is_film
 

@@ -24,7 +24,7 @@ IN_THE_LEADS = tuple(x for x in BEFORE_ELECTRODES if x not in BEFORE_TERMINALS)
 
 
 @dataclass(frozen=True, slots=True)
-class Missing:
+class MissingColumn:
     """A column that says something in no record.
 
     Attributes:
@@ -42,9 +42,9 @@ class Missing:
         return {"column": self.column, "tells": list(self.tells), "why": self.why}
 
 
-def would_tell(
+def missing_columns(
     open_effects: Iterable[frozenset[str]], records: Sequence[Record], *, is_film: bool
-) -> tuple[Missing, ...]:
+) -> tuple[MissingColumn, ...]:
     """Return the columns that could distinguish sets of effects where the records do not.
 
     Args:
@@ -54,17 +54,17 @@ def would_tell(
     """
     sets = list(open_effects)
     supply = {x & set(WITNESSED) for x in sets}
-    found: list[Missing] = []
+    found: list[MissingColumn] = []
     lacking = [x for x in (SUPPLY, ELECTRODES) if all(read_back(one, column=x) is None for one in records)]
     if len(supply) > 1 and ELECTRODES in lacking:
         known = frozenset().union(*supply) - frozenset(WITNESSED).intersection(*supply)
         told = tuple(x for x in WITNESSED if x in known)
         if SUPPLY in lacking:
-            found.append(Missing(SUPPLY, told, _of_supply(told)))
+            found.append(MissingColumn(SUPPLY, told, _of_supply(told)))
         if lag := tuple(x for x in IN_THE_LEADS if x in told):
-            found.append(Missing(ELECTRODES, lag, _of_electrodes(lag)))
+            found.append(MissingColumn(ELECTRODES, lag, _of_electrodes(lag)))
     if len({frozenset(x & set(WARMED)) for x in sets}) > 1 and any(course_of(x, CONFIDENCE) is None for x in records):
-        found.append(Missing(TEMPERATURE, WARMED, _of_warmth(is_film)))
+        found.append(MissingColumn(TEMPERATURE, WARMED, _of_warmth(is_film)))
     return tuple(found)
 
 

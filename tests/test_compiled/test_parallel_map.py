@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bender_compiled.abreast import THREADS, abreast
+from bender_compiled.parallel_map import THREADS, parallel_map
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.model import load_model
 
@@ -26,28 +26,28 @@ def _slow_square(x: int) -> int:
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_results_come_in_the_order_of_the_items(threads: Callable[[int], None], count: int):
     threads(count)
-    assert abreast(_slow_square, range(5)) == [0, 1, 4, 9, 16]
+    assert parallel_map(_slow_square, range(5)) == [0, 1, 4, 9, 16]
 
 
 def test_items_overlap_in_time(threads: Callable[[int], None]):
     threads(2)
     meeting = threading.Barrier(2, timeout=10.0)
-    assert sorted(abreast(lambda _: meeting.wait(), range(2))) == [0, 1]
+    assert sorted(parallel_map(lambda _: meeting.wait(), range(2))) == [0, 1]
 
 
 def test_what_is_begun_within_a_thread_goes_on_in_it(threads: Callable[[int], None]):
     threads(2)
 
     def inner(_: int) -> set[str]:
-        return set(abreast(lambda _: threading.current_thread().name, range(4)))
+        return set(parallel_map(lambda _: threading.current_thread().name, range(4)))
 
-    assert all(len(names) == 1 for names in abreast(inner, range(4)))
+    assert all(len(names) == 1 for names in parallel_map(inner, range(4)))
 
 
 def test_what_an_item_raises_is_raised(threads: Callable[[int], None]):
     threads(2)
     with pytest.raises(ZeroDivisionError):
-        abreast(lambda x: 1 / x, [1, 0, 2])
+        parallel_map(lambda x: 1 / x, [1, 0, 2])
 
 
 @pytest.mark.parametrize("count", [2, 4])
@@ -60,7 +60,7 @@ def test_one_simulator_in_several_threads_gives_the_numbers_of_one(threads: Call
     one_by_one = [Simulator(drive, keep_substeps=20_000).run(model).reading_um for model in models]
     threads(count)
     shared = Simulator(drive, keep_substeps=20_000)
-    found = abreast(lambda model: shared.run(model).reading_um, models)
+    found = parallel_map(lambda model: shared.run(model).reading_um, models)
     assert all(np.array_equal(x, y) for x, y in zip(found, one_by_one, strict=True))
     work = Simulator(drive)
     for model in models:
@@ -69,14 +69,14 @@ def test_one_simulator_in_several_threads_gives_the_numbers_of_one(threads: Call
 
 
 def _in_a_child(sending) -> None:
-    sending.send(abreast(_slow_square, range(4)))
+    sending.send(parallel_map(_slow_square, range(4)))
 
 
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="needs fork")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_forked_process_begins_threads_of_its_own(threads: Callable[[int], None]):
     threads(2)
-    abreast(_slow_square, range(4))
+    parallel_map(_slow_square, range(4))
     receiving, sending = multiprocessing.get_context("fork").Pipe(duplex=False)
     child = multiprocessing.get_context("fork").Process(target=_in_a_child, args=(sending,))
     child.start()

@@ -19,7 +19,7 @@ MOST_THREADS = 8
 """More wait for the interpreter between two kernels."""
 
 
-def abreast(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+def parallel_map(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return `function` of every item, computed side by side where cores are free.
 
     Within a thread that this function has begun, and outside of the main thread, items are computed one by one.
