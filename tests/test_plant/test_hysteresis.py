@@ -94,6 +94,23 @@ def test_a_play_against_its_definition() -> None:
     assert operate("prandtl_ishlinskii", one, list(turns))[-1] == pytest.approx(x, abs=1e-9)
 
 
+@given(path=st.lists(voltage, min_size=1, max_size=6), power=st.sampled_from([1, 2, 3]), weight=st.floats(-0.1, 0.1))
+def test_each_power_of_a_play_adds_what_it_lags_behind_that_power_of_the_voltage(
+    path: list[float], power: int, weight: float
+) -> None:
+    half_V = 5.0
+    names = {1: "weights_um_per_V", 2: "quadratic_um_per_V2", 3: "cubic_um_per_V3"}
+    block = BLOCKS["rate_independent_hysteresis"]
+    weights = {"weights_um_per_V": (0.0,)} | {names[power]: (weight,)}
+    numbers = block.constants(block.parameters(thresholds_V=(half_V,), **weights), None)
+    assert block.step is not None
+    state, play_V = block.initial(numbers), 0.0
+    for u in path:
+        play_V = min(max(play_V, u - half_V), u + half_V)
+        state, *added_um = block.step(state, numbers, 0.0, 1.0, 0.0, 0.0, 0.0, u, u, u)
+        assert added_um == pytest.approx([weight * (play_V**power - u**power)] * 3, abs=1e-9)
+
+
 @pytest.mark.parametrize("exponent", few([1.0, 1.5, 3.0], 1))
 @pytest.mark.parametrize("printed", [False, True])
 def test_bouc_wen_against_solve_ivp(exponent: float, printed: bool) -> None:
