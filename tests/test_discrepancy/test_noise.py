@@ -1,11 +1,14 @@
 """The noise floor is that of the noise, whatever part of the readings was lost."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from few import few
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.records.noise import (
     LOG_FLOOR_RATIO,
     QUIET_MEDIAN,
@@ -18,7 +21,11 @@ from bender_discrepancy.records.noise import (
     noise_floor_um,
     quiet_medians,
 )
+from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.spectrum import without_line
+from bender_discrepancy.search.noise import floor_square_um2
+from bender_loop.records.record import Record
+from bender_plant.model import load_model
 
 
 def lost_at_random(share: float, rng: np.random.Generator) -> np.ndarray:
@@ -59,6 +66,16 @@ def test_each_estimate_is_that_of_white_noise():
     everything = np.ones(values.size, dtype=bool)
     for estimate in (from_differences, from_spectrum, from_stretches):
         assert estimate(values, everything) == pytest.approx(0.3, rel=0.03), estimate.__name__
+
+
+@given(st.floats(0.0, 1.0), st.lists(st.floats(0.0, 2.0), min_size=1, max_size=3))
+def test_no_model_goes_below_the_noise_and_the_mean_of_the_steps_of_the_records(noise_um: float, steps_um: list[float]):
+    """Rounding to a step adds the variance of a uniform distribution of its width."""
+    time_s = np.arange(60) / 30.0
+    seen = observe(Record(time_s, np.round(time_s), time_s))
+    records = tuple(replace(seen, half_step_um=0.5 * x) for x in steps_um)
+    uniform = np.mean([np.diff((np.array([-x, x]) / 2.0) ** 3)[0] / (3.0 * x) if x else 0.0 for x in steps_um])
+    assert floor_square_um2(problem_of(load_model("paper"), records), noise_um) == pytest.approx(noise_um**2 + uniform)
 
 
 def test_the_deviation_is_that_of_the_bulk():

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from bender_discrepancy.records.observations import hardly_steps, observe
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search import transfer
 from bender_discrepancy.search.archive import Archive, left_square
-from bender_discrepancy.search.judgement.grades import grade
+from bender_discrepancy.search.judgement.grades import Graded, grade
 from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
 from bender_discrepancy.search.judgement.verdict import decide
 from bender_discrepancy.search.moves import (
@@ -33,9 +34,11 @@ from bender_discrepancy.search.moves import (
     Start,
     aliases,
     aliases_Hz,
+    restructure,
+    swap,
 )
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import Searched, parsimonious
+from bender_discrepancy.search.search import Searched, improved, parsimonious
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -49,6 +52,11 @@ LAGGING = {"source_resistance": {"time_constant_s": 0.06}}
 def lagging(*rivals: tuple[str, tuple[float, ...]], best: Sequence[tuple[str, tuple[float, ...]]] = (LAG,)):
     record = record_of(effects=LAGGING)
     return told([record], hypothesis(PAPER, [record], *best), [hypothesis(PAPER, [record], x) for x in rivals])
+
+
+@cache
+def lagging_grades() -> tuple[Graded, ...]:
+    return grade(lagging(("sensor_lag", (0.06,))).found, RULES).effects
 
 
 @pytest.fixture(scope="module")
@@ -168,6 +176,37 @@ def test_what_is_not_there_is_not_certain() -> None:
     assert only.grade != "certain"
     assert [x.id for x in only.open_rivals] == ["source_resistance"]
     assert decide(found.found, grades, RULES).word != "named"
+
+
+@given(deviations=st.floats(-5.0, 20.0))
+def test_a_rival_two_standard_errors_behind_is_less_probable_by_the_factor_e(deviations: float) -> None:
+    (only,) = lagging_grades()
+    rival = replace(only.rivals[0], deviations=deviations)
+    further = replace(rival, deviations=max(deviations, 0.0) + 2.0)
+    assert only.probability_of(further) == pytest.approx(only.probability_of(rival) / np.e)
+    assert only.probability_of(rival) <= min(only.probability, 1.0 - only.probability)
+
+
+def test_an_effect_that_is_not_there_is_exchanged_for_the_one_that_is() -> None:
+    found = lagging(LAG, best=(("thermal_drift", (0.5, 5.0)),))
+    better = improved(found.archive, catalogue_of(found), RULES, found.best, (swap,))
+    assert better.hypothesis.effects == ("source_resistance",)
+    nothing = found.found.base
+    assert improved(found.archive, catalogue_of(found), RULES, nothing, (swap,)) is nothing
+
+
+def test_effects_are_tried_in_every_other_structure_that_has_their_forms(search: SearchResult) -> None:
+    forms = catalogue_of(search).kits[0].forms
+    beam = load_model("beam")
+    kits = (Kit(None, forms), Kit(PAPER, forms), Kit(beam, tuple(x for x in forms if x.effect != "source_resistance")))
+    starts = restructure(search.archive, Catalogue(kits), search.best)
+    assert [x.hypothesis.structure for x in starts if isinstance(x, Start)] == [PAPER]
+    (start,) = starts
+    assert isinstance(start, Start)
+    assert (start.hypothesis.effects, start.hypothesis.values()) == (
+        search.best.hypothesis.effects,
+        search.best.hypothesis.values(),
+    )
 
 
 @pytest.mark.parametrize(("gain", "word"), [(1.0, "no_gap"), (0.9, "recalibrated")])

@@ -50,6 +50,17 @@ def test_steps_are_found_behind_a_mode_that_rings(step_V: float) -> None:
     assert best.square < 0.3 * base.training_square
 
 
+@pytest.mark.parametrize(("height_V", "any_step"), [(0.0, False), (1.0, True)])
+def test_no_step_is_sought_where_nothing_is_commanded(height_V: float, any_step: bool) -> None:
+    time_s = np.arange(400) / 30.0
+    volts = height_V * np.round(np.random.default_rng(4).uniform(size=40).repeat(10), 1)
+    volts[20:30] = height_V
+    reading_um = Simulator(Drive.of_rows(time_s, volts)).run(PAPER).reading_um
+    record = Record(time_s, volts, reading_um + NOISE_um * np.random.default_rng(5).standard_normal(400))
+    form = hypothesis(PAPER, [rung(0.37)], ("supply_quantisation", (0.37,))).parts[0].form
+    assert bool(scan_any(problem(record), Hypothesis(), form, NOISE_um)) is any_step
+
+
 @pytest.mark.parametrize("step_V", [1.3, 2.09])
 def test_steps_are_found_by_a_camera_whose_frames_are_uneven(step_V: float) -> None:
     """Between two frames the mode rings three times and more: no step response at the rows tells how."""

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.control.metrics import step_metrics
+from bender_loop.control.metrics import has_settled, step_metrics
 from bender_loop.control.trace import Trace
 
 
@@ -38,6 +38,13 @@ def test_by_hand():
     assert figures.steady_state_error_um == pytest.approx(0.1)
     assert figures.total_variation_V == pytest.approx(8 + 12 + 5 + 4 + 1)
     assert figures.peak_V == 20.0
+
+
+@given(st.floats(1e-3, 1e3), st.floats(-1.0, 1.0))
+def test_a_response_that_enters_the_band_in_the_last_twentieth_of_a_run_has_not_settled(run_s: float, later: float):
+    end_s = (1.0 - 0.05) * run_s
+    assert has_settled(end_s, run_s)
+    assert has_settled(end_s + 0.05 * later * run_s, run_s) is (later <= 0.0 or end_s + 0.05 * later * run_s == end_s)
 
 
 def test_the_second_order_system():

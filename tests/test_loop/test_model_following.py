@@ -105,6 +105,9 @@ def test_the_inverse_is_the_root_or_the_bound_next_to_it(target: float, present:
     else:
         assert found.voltage_V == pytest.approx(50.0 if target >= reading(50.0) else 0.0, abs=1e-6)
     assert found.reading_um == pytest.approx(reading(found.voltage_V), abs=1e-12)
+    if found.voltage_V != present:
+        # what a volt does is the same everywhere
+        assert found.slope_um_per_V == pytest.approx((reading(50.0) - reading(0.0)) / 50.0, rel=1e-3)
 
 
 def test_of_many_commands_that_do_the_present_one_is_kept():

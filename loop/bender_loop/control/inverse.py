@@ -123,7 +123,6 @@ def _between(
 ) -> Inverted:
     """The Illinois method between two trials; the nearer of them where they lie on one side of the target."""
     (a_V, a), (b_V, b) = first, second
-    slope = (b - a) / (b_V - a_V) if b_V != a_V else 0.0
     near_V, near = (a_V, a) if abs(a) <= abs(b) else (b_V, b)
     weight_a, weight_b = a, b
     while abs(near) > tolerance_um and a * b < 0.0 and trials < MOST_TRIALS:
@@ -136,8 +135,7 @@ def _between(
             b_V, b, weight_b, weight_a = middle_V, middle, middle, 0.5 * weight_a
         else:
             a_V, a, weight_a, weight_b = middle_V, middle, middle, 0.5 * weight_b
-    if b_V != a_V and b != a:
-        slope = (b - a) / (b_V - a_V)
+    slope = (b - a) / (b_V - a_V) if b_V != a_V else 0.0
     return Inverted(near_V, near + target_um, slope)
 
 
