@@ -24,6 +24,8 @@ FONT_PX = 12.0
 FEW, FEW_LARGER = 300, 1.6
 WIDE_PX, NARROW_PX = 920, 344
 MOST_POINTS = 6_000
+FEW_DECADES = 300.0
+"""Ends of a logarithmic axis whose ratio is smaller have too few powers of ten between them."""
 NEARLY = 1e-9
 """Of the length of an axis: a tick that is so far beyond its end is at it."""
 _STYLE: dict[Any, Any] = {
@@ -209,11 +211,12 @@ def dots(axes: "Axes", x: Array, y: Array, colour: str, size: float, alpha: floa
 
 
 def plain_logarithmic(axes: "Axes") -> None:
-    """Label logarithmic axes with plain numbers, and mark nothing between the powers of ten."""
+    """Label logarithmic axes with plain numbers, at the powers of ten, and at 2 and 5 of each where these are few."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(numticks=12))
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        few = high < FEW_DECADES * low
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_locator(NullLocator())
 

@@ -102,7 +102,7 @@ def test_the_second_of_two_runs_is_told(tmp_path: Path):
         second.send_signal(signal.SIGINT)
         _, complaint = second.communicate(timeout=30.0)
         # on a machine with tests side by side the first may be told of a third, and the second of that one
-        assert "another run is going on on this machine (process " in complaint
+        assert "another run is active on this machine (process " in complaint
     finally:
         first.send_signal(signal.SIGINT)
         first.communicate(timeout=30.0)
@@ -132,7 +132,7 @@ def test_a_second_run_is_told_of_the_first_in_one_line(tmp_path: Path, monkeypat
         with sole_run_with_note(None, Path("second"), told.append):
             pass
     (sentence,) = told
-    assert sentence.startswith(f"note: another run is going on on this machine (process {os.getpid()}, ")
+    assert sentence.startswith(f"note: another run is active on this machine (process {os.getpid()}, ")
     assert "\n" not in sentence
     with sole_run_with_note(None, Path("third"), told.append):
         assert len(told) == 1

@@ -129,7 +129,7 @@ def _print_effect(effect: "Effect") -> None:
     cause = effect.block.module.__doc__ if effect.block.id == effect.id else effect.summary
     sys.stdout.write(f"{effect.title} ({effect.id}, {effect.stage})\n\n{_indented(cause or effect.summary)}\n\n")
     for heading, text in (
-        ("leaves", effect.signature),
+        ("signature", effect.signature),
         ("resembles", ", ".join(effect.confusables)),
         ("differs", effect.separation),
         ("shown by", effect.excitation),

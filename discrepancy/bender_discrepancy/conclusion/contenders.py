@@ -155,7 +155,7 @@ def _in_place(search: SearchResult, graded: Graded, rival: Rival, index: int) ->
     gap, rest, left = (held_square_um2(x, search.problem) for x in (search.found.base, graded.without, rival.fitted))
     above = gap - floor
     share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
-    beside = (Rival(graded.id, search.best, -rival.difference, -rival.deviations, ""),)
+    beside = (Rival(graded.id, search.best, -rival.difference, -rival.deviations, rival.reach),)
     against = graded.probability_of(rival)
     return Contender(
         rival.fitted, index, share, rest**0.5, left**0.5, rival.difference, "possible", against, beside, graded.id

@@ -92,7 +92,7 @@ def _alternatives(findings: Findings) -> list[str]:
         return []
     told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)} of the gap)" for x in known]
     if findings.verdict == "recalibrated":
-        return [f"the records would fit as well with the numbers as they were, and this added: {'; '.join(told)}"]
+        return [f"as good an explanation: the given numbers unchanged, and one of these effects: {'; '.join(told)}"]
     return [f"nearest to an explanation, but not certain: {'; '.join(told)}"]
 
 
@@ -129,10 +129,7 @@ def _undetermined(effect: ReportedEffect) -> list[str]:
     if not names:
         return []
     open_ = ", ".join(names)
-    return [
-        f"{effect.id}: the records hardly say what {open_} is; do not use this model between or beyond the recorded "
-        "levels"
-    ]
+    return [f"{effect.id}: these records do not determine {open_}; use the corrected model only at the recorded levels"]
 
 
 def _is_open(number: Number) -> bool:
@@ -144,8 +141,8 @@ def _left_out(findings: Findings) -> list[str]:
     if coarse is None or coarse.is_named:
         return []
     return [
-        f"the readings are multiples of {quantity(coarse.step_um, 'um')}; they count as noise and are "
-        "not in the model, since they are the smaller part of the residual"
+        f"the readings are multiples of {quantity(coarse.step_um, 'um')}; this rounding counts as noise and is not in "
+        "the model, because most of the residual has another cause"
     ]
 
 
@@ -171,8 +168,8 @@ def _another_device(findings: Findings) -> list[str]:
         return []
     times = findings.gain_ratio
     found = (
-        "the sign of the reading is reversed: this looks like another device, or the wires or the axis of the camera "
-        "are turned, and a controller would run away"
+        "the readings fall where the model rises: another device, swapped wires or a turned camera axis; a controller "
+        "tuned on this model would be unstable"
         if times < 0.0
         else f"the gain is {figure(times)} times that of the model: this looks like another device, or other units"
     )
@@ -185,7 +182,7 @@ def _not_following(findings: Findings) -> list[str]:
         return []
     if any(EFFECTS[x.id].stage in FOLLOWING for x in findings.added):
         return []
-    return [f"the readings do not follow the {input_word()}: they might as well be noise; is the device connected?"]
+    return [f"the readings do not follow the {input_word()}: they look like noise alone; is the device connected?"]
 
 
 def _hardly_excited(search: SearchResult) -> list[str]:
@@ -194,9 +191,9 @@ def _hardly_excited(search: SearchResult) -> list[str]:
         return []
     times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
     return [
-        f"the {input_word()} changes only {times}, the jump from 0 V before the first row included: what depends on "
-        "its level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot "
-        "show; a staircase up and down with holds of several lengths would show it"
+        f"the {input_word()} changes only {times} (with the jump from 0 V before the first row). That cannot show "
+        "hysteresis, saturation, a dead zone, a slew limit or lens distortion; record a staircase up and down with "
+        "holds of several lengths"
     ]
 
 
@@ -204,7 +201,7 @@ def _zero_moved(search: SearchResult) -> list[str]:
     moved = [(k, x.zero_move) for k, x in enumerate(search.records) if x.zero_move is not None]
     return [
         f"{_name(search, k)}from line {x.row + FIRST_LINE} on the sensor reads {quantity(x.height_um, 'um')} more, "
-        "whatever is commanded: its zero moved, and that was taken from the readings"
+        "at every command: its zero has moved; the readings from there on are corrected by it"
         for k, x in moved
     ]
 
@@ -221,15 +218,15 @@ def _untried(search: SearchResult) -> list[str]:
     if not search.untried:
         return []
     names = ", ".join(search.untried)
-    return [f"{names}: not tried: it would take too long on a record of this length; give a shorter part of it"]
+    return [f"not tried, because this record is too long: {names}; diagnose a shorter part of it"]
 
 
 def _stopped(search: SearchResult) -> list[str]:
     if not search.found.stopped:
         return []
     return [
-        "the search was cut short: one more effect would take too long; diagnose a shorter part of the records, or "
-        "begin again from the model that was written"
+        "the search stopped early, because one more effect would take too long; diagnose a shorter part of the "
+        "records, or diagnose again with --model model.toml of this result"
     ]
 
 
@@ -265,7 +262,7 @@ def _between_rows(search: SearchResult) -> list[str]:
         return []
     course = {"linear": "running straight from row to row", "smooth": "band-limited between the rows"}
     taken = course[search.settings.input_hold]
-    return [f"the command is taken as {taken}, which fits far better than a held one (--input-hold says which)"]
+    return [f"the command is taken as {taken}, which fits far better than a held one (to set it: --input-hold)"]
 
 
 def _begun(search: SearchResult) -> list[str]:
@@ -274,22 +271,22 @@ def _begun(search: SearchResult) -> list[str]:
     for k, (record, x) in enumerate(zip(search.records, search.whole, strict=True)):
         if x.start == "rest":
             continue
-        told = "what was commanded before its first row is a guess"
+        told = "the command before its first row is unknown, and assumed"
         if x.rest_before_V is not None:
             told = f"the plant is taken to have stood at {quantity(x.rest_before_V, 'V')} before its first row"
         heard = np.flatnonzero(np.isfinite(x.measured_um))
         first = int(np.argmax(np.isfinite(record.displacement_um)))
         if heard.size and heard[0] > first:
             rings_s = float(x.time_s[heard[0]] - x.time_s[0])
-            told += f"; the first {quantity(rings_s, 's')}, in which it may still ring from before, are not counted"
+            told += f"; the first {quantity(rings_s, 's')}, in which an earlier motion may still ring, are left out"
         found.append(f"{_name(search, k)}the record begins in motion: {told}")
     return found
 
 
 def _searched_in_part(search: SearchResult) -> list[str]:
     return [
-        f"{_name(search, k)}effects were looked for in {x.rows} of {x.whole.measured_um.size} rows, lines "
-        f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap was measured over all of them"
+        f"{_name(search, k)}the search used {x.rows} of {x.whole.measured_um.size} rows, lines "
+        f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap is measured over all rows"
         + _but_for(x.after_a_guess)
         for k, x in enumerate(search.excerpts)
         if not x.is_all
@@ -297,7 +294,7 @@ def _searched_in_part(search: SearchResult) -> list[str]:
 
 
 def _but_for(rows: int) -> str:
-    return f" but for the first {rows}: what was commanded before the record is a guess" if rows else ""
+    return f" but for the first {rows}, as the command before the record is unknown" if rows else ""
 
 
 def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
@@ -311,8 +308,8 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
         return []
     return [
         f"the residual is {quantity(measured.after.rms_um, 'um')} over the whole, but {quantity(there, 'um')} in the "
-        "rows that were searched: something slow, or something that happens outside of these rows, is still missing; "
-        "diagnose a part of the record where the gap is large"
+        "rows of the search: the model still lacks something slow, or something that happens in other rows; diagnose "
+        "a part of the record where the gap is large"
     ]
 
 
@@ -321,7 +318,7 @@ def worse(measured: Measured) -> list[str]:
     if not measured.is_worse:
         return []
     return [
-        f"no model was written: on readings kept aside for this check the corrected one leaves "
+        f"no model was written: on held-out readings the corrected one leaves "
         f"{quantity(measured.after.rms_um, 'um')}, calibration alone {quantity(measured.recalibrated.rms_um, 'um')}"
     ]
 
@@ -344,7 +341,7 @@ def _counted(search: SearchResult) -> list[str]:
     for k, x in enumerate(set_aside(search)):
         name = _name(search, k)
         if x.lost:
-            found.append(f"{name}{x.lost} of {x.rows} frames were lost and did not count")
+            found.append(f"{name}{x.lost} of {x.rows} frames are lost and left out")
         if x.outlying:
             listed = ", ".join(str(row + FIRST_LINE) for row in x.outlying[:8]) + (", …" if len(x.outlying) > 8 else "")
             what = (

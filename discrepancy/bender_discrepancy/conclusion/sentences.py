@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, Rep
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.search.judgement.grades import Rival
+from bender_discrepancy.search.judgement.grades import Reach, Rival
 from bender_discrepancy.search.judgement.rules import RULES
 from bender_report.wording import figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
@@ -177,9 +177,20 @@ def _of_those(findings: Findings) -> str:
 _REACHES = {
     "plainer": "{}, which is simpler, in its place is worse by less than a hundredth of the gap",
     "other side": "{}, the same lag at the other end of the device, is worse by less than a hundredth of the gap",
-    "predicts as well": "{} in its place predicts readings kept aside nearly as well",
-    "fits as well": "{} in its place fits all readings as well, but predicts those kept aside less well",
+    "predicts as well": "{} in its place predicts unseen readings nearly as well",
+    "fits as well": "{} in its place fits all readings as well, but predicts unseen ones less well",
 }
+
+
+_STAYS_OPEN: dict[Reach, str] = {
+    "": "one sine excludes no effect that remembers earlier commands",
+    "plainer": "it is simpler, and worse by less than a hundredth of the gap",
+    "other side": "it is the same lag at the other end of the device, and worse by less than a hundredth of the gap",
+    "predicts as well": "it predicts unseen readings nearly as well",
+    "fits as well": "it fits all readings as well",
+    "as large": "it leaves less than twice as much beyond the noise",
+}
+"""Why a rival is reported although the criterion is clearly against it."""
 
 
 def _beside(contender: Contender, decides: float) -> str:
@@ -188,26 +199,26 @@ def _beside(contender: Contender, decides: float) -> str:
     first: Rival = contender.rivals[0]
     if not math.isfinite(first.difference):
         return f"there are too few readings to choose between it and {contender.rival_of or first.id}"
+    if contender.rival_of and -first.difference >= decides:
+        evidence = f"the evidence for {contender.rival_of} in its place is {figure(-first.difference)}"
+        return f"{evidence} ({figure(decides, 2)} decides), but {_STAYS_OPEN[first.reach]}"
     if contender.rival_of:
         between = figure(abs(first.difference))
-        return (
-            f"the evidence between {contender.rival_of} and it is {between}, and from {figure(decides, 2)} on it would "
-            "decide"
-        )
+        return f"the evidence between {contender.rival_of} and it is {between}; {figure(decides, 2)} would decide"
     if first.reach in _REACHES:
         return _REACHES[first.reach].format(first.id)
     if first.difference < 0.0:
         return f"{first.id} in its place was better until the others were added"
     if first.difference < decides:
         return (
-            f"{first.id} in its place is not ruled out (evidence {figure(first.difference)}; from "
-            f"{figure(decides, 2)} on it would be)"
+            f"{first.id} in its place is not ruled out (evidence {figure(first.difference)}; "
+            f"{figure(decides, 2)} would decide)"
         )
     if first.reach == "as large":
         return f"{first.id} in its place leaves less than twice as much beyond the noise"
     return (
-        f"the next best in its place, {first.id}, is ruled out (evidence {figure(first.difference)}; from "
-        f"{figure(decides, 2)} on it decides)"
+        f"the next best in its place, {first.id}, is ruled out (evidence {figure(first.difference)}; "
+        f"{figure(decides, 2)} decides)"
     )
 
 
@@ -219,7 +230,7 @@ def _of_the_lattice(found: Lattice) -> str:
     beside = farther + left_out if found.after_um > found.before_um else left_out
     return (
         f"The readings are multiples of {step} (agreement {agreed} of 1), and rounding the "
-        f"simulation to them takes it from {before} to {after} rms on held-out readings{beside}."
+        f"simulation to them takes the residual from {before} to {after} rms on held-out readings{beside}."
     )
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from bender_discrepancy.foreign.calibration import Calibrated
     from bender_loop.tables.quantities import Quantities
 
-HELP = "fit parameters of an FMU to records: values, intervals, what the records cannot see"
+HELP = "fit parameters of an FMU to records: values, intervals, and what the records do not determine"
 EXAMPLE = """\
 bender calibrate-model record.csv --fmu motor.fmu --suspect friction --suspect inertia=0.01:0.1
 bender calibrate-model first.csv second.csv --fmu motor.fmu --suspect tunable --free-reading"""

@@ -190,9 +190,9 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
             Section(
                 "What was weighed",
                 paragraphs=(
-                    "What is found on the input of one output has to act on all the others as well. Each way was put "
-                    "before the FMU, and every output was read with it. The criterion is that of one likelihood of "
-                    f"all readings; a difference below {figure(found.ranked.threshold, 2)} decides nothing.",
+                    "An effect on the input must act on every output. Each explanation was put before the FMU, and all "
+                    "outputs were simulated with it. The criterion is computed from all readings together; a "
+                    f"difference below {figure(found.ranked.threshold, 2)} decides nothing.",
                 ),
                 table=Table(["on the input", "numbers of", "behind the outputs", "criterion"], ways,
                     stressed=frozenset({stressed})),

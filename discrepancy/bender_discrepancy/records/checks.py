@@ -90,7 +90,7 @@ def _refuse_what_teaches_nothing(name: str, record: Record) -> None:
     if np.ptp(voltage) == 0.0:
         raise InputError(
             f"{name}, column voltage_V: found {voltage[0]:g} V in every row from line 2 on, expected a voltage that "
-            "changes; a constant one excites nothing that could be told apart"
+            "changes; a constant one shows no effect"
         )
     readings = record.displacement_um[seen]
     if np.ptp(readings) == 0.0:

@@ -37,7 +37,7 @@ class Suspected:
         if self.rival:
             found.append(f"the records are explained as well by {self.rival}")
         if not self.moved:
-            found.append("none of the suspected parameters is off by more than the records leave open")
+            found.append("every suspected parameter agrees with its given value, as closely as the records tell")
         return found
 
     def ambiguity(self, effects: Sequence[str]) -> str:
@@ -114,15 +114,14 @@ class StandIn:
             )
         if not self.is_linear:
             found.append(
-                "what is found is put around the FMU itself and fitted again to its answer there"
+                "the effects were put around the FMU itself and fitted again there"
                 if self.no_container is None
-                else "effects are computed by way of the stand-in: as far as it does not follow the FMU to first order"
+                else "the effects were fitted around the stand-in, and hold for the FMU to first order"
             )
         if self.beside:
             found.append(
-                f"{', '.join(self.beside)}: that is inside the FMU, where nothing can be put; in the corrected FMU the "
-                "stand-in with it and the one without stand beside the original, and what they differ by is added; a "
-                "parameter of the FMU that says it is named by --suspect"
+                f"{', '.join(self.beside)} acts inside the FMU. The corrected FMU adds the difference between the "
+                "stand-in with and without it. If the FMU has a parameter for it, name that by --suspect"
             )
         if self.inner_step_s:
             found.append(f"the corrected FMU takes communication steps that are multiples of {self.inner_step_s!r} s")

@@ -80,14 +80,14 @@ def is_near(pictured: PicturedRecord) -> bool:
 
 
 def loop(pictured: PicturedRecord) -> Chart:
-    """Return measured and simulated displacement over the voltage, without and with what was found."""
+    """Return measured and simulated displacement over the voltage, recalibrated and corrected."""
     return chart("loop", "displacement over the voltage, before and after", _loops(pictured), WIDE_PX, 340, 520)
 
 
 def _loops(pictured: PicturedRecord) -> Draw:
     panels = [("recalibrated", pictured.recalibrated_um, "without")]
     if pictured.corrected:
-        panels.append(("with what was found", pictured.after_um, "with"))
+        panels.append(("corrected", pictured.after_um, "with"))
 
     def draw(figure: "Figure", narrow: bool) -> None:
         shape = (len(panels), 1) if narrow else (1, len(panels))

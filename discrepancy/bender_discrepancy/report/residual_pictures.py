@@ -48,7 +48,7 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
     """Return the residual over the voltage, rising and falling apart, before and after on one scale."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
-        panels = list(zip(_residuals(pictured), ("recalibrated", "with what was found"), strict=False))
+        panels = list(zip(_residuals(pictured), ("recalibrated", "corrected"), strict=False))
         shape = (len(panels), 1) if narrow else (1, len(panels))
         grid = np.atleast_1d(figure.subplots(*shape, sharex=True, sharey=True)).ravel()
         for axes, ((values, _), title) in zip(grid, panels, strict=True):
@@ -75,7 +75,7 @@ def as_map(pictured: PicturedRecord) -> Chart:
         strongest = float(np.nanquantile(maps[0], STRONG)) or 1.0
         shape = (len(maps), 1) if narrow else (1, len(maps))
         grid = np.atleast_1d(figure.subplots(*shape, sharex=True, sharey=True)).ravel()
-        titles = ("recalibrated", "with what was found")
+        titles = ("recalibrated", "corrected")
         for axes, values, title in zip(grid, maps, titles, strict=False):
             axes.imshow(
                 _shaded(values / strongest, light("without")),

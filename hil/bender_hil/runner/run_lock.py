@@ -56,7 +56,7 @@ def sole_run_with_note(resource: str | None, out: Path, tell: Callable[[str], No
     """
     with sole_run(resource, out) as other:
         if other is not None:
-            tell(f"note: another run is going on on this machine ({other}); ticks of both may come late")
+            tell(f"note: another run is active on this machine ({other}); both may run late")
         yield
 
 
