@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from told_diagnosis import levels, record_of
+from reported_diagnosis import levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.measurement.corrected_model import straight_beyond
