@@ -62,6 +62,31 @@ def test_a_ramp_is_straight_and_ends_in_time(clock: Clock, rate: float, expected
     assert journal.one("ramp") == {"kind": "ramp", "from_V": sign * 30.0, "rate_V_per_s": pytest.approx(slope)}
 
 
+@pytest.mark.parametrize("rate", [100.0, 1.0])
+def test_the_steps_of_the_ramp_are_written_down_once_the_output_is_off(clock: Clock, rate: float):
+    source = ClockedSource(clock, on=True, wire_s=0.001)
+    limits = GuardSettings(shutdown_limit_s=6.0, ramp_V_per_s=rate)
+    _, journal, _ = _descend(source, 30.0, limits)
+    sent = [(at_s + 0.001, level_V) for what, level_V, at_s in source.log if what == "volt"]
+    steps = journal.one("came_down")["steps"]
+    assert len(steps) <= 200
+    assert set(steps) <= set(sent)
+    assert steps[-1] == sent[-1]
+    assert steps == sorted(steps)
+    if rate == 100.0:
+        assert steps == sent
+    assert journal.kinds().index("output_off") < journal.kinds().index("came_down")
+
+
+def test_the_discharge_is_written_down_every_twentieth_of_a_second(clock: Clock):
+    source = ClockedSource(clock, on=True, readings_V=[*(30.0 - k / 10 for k in range(295)), 0.5])
+    _, journal, _ = _descend(source, 0.0)
+    told = [entry["measured_V"] for entry in journal.entries if entry["kind"] == "discharging"]
+    assert 20 <= len(told) <= 30
+    assert told == sorted(told, reverse=True)
+    assert told[0] == 30.0
+
+
 def test_the_switch_follows_zero_after_a_moment_and_is_asked_after_another(clock: Clock):
     source = ClockedSource(clock, on=True)
     _descend(source)
@@ -92,6 +117,7 @@ def test_what_breaks_the_ramp_leads_straight_to_the_switch(clock: Clock):
     assert resync[2] - off[2] >= 0.01
     assert again[2] - volt[2] >= 0.01
     assert journal.one("ramp_broken")["sentence"] == "gone"
+    assert journal.one("came_down")["steps"] == []
     assert "not_confirmed" not in journal.kinds()
 
 

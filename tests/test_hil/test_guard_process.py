@@ -1,5 +1,6 @@
 """The guard as a process: what ends a run, and that the output is off afterwards. Nothing is timed here."""
 
+import json
 import os
 import signal
 import subprocess
@@ -15,7 +16,9 @@ from few import few, few_rows
 from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Status
 from bender_hil.guard.start import GuardProcess
+from bender_hil.live.page import Shown, charts, facts
 from bender_hil.log.journal import read_journal
+from bender_hil.log.read_run import RUN
 from bender_loop.shell.messages import ClosedError
 
 pytest.importorskip("pyvisa_py")
@@ -56,6 +59,34 @@ def test_a_run_that_is_done_ends_at_zero_with_the_output_off(supply: EmulatedSup
     assert harmless["measured_V"] < 1.0
     applied = [entry["voltage_V"] for entry in _entries(tmp_path, "applied")]
     assert max(applied) == 30.0  # pyright: ignore[reportArgumentType]
+
+
+def test_the_page_shows_the_way_down_of_a_guard_that_was_stopped(supply: EmulatedSupply, tmp_path: Path):
+    begin_s = time.perf_counter()
+    start = {"n": 0, "t": begin_s, "kind": "start", "emulated": True}
+    tick = {"n": 1, "t": begin_s, "kind": "tick", "grabbed_s": begin_s, "sent_s": begin_s, "command_V": 0.0, "frame": 1}
+    (tmp_path / RUN).write_text(f"{json.dumps(start)}\n{json.dumps(tick)}\n")
+    guard = GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, ramp_V_per_s=100.0)))
+    drive(guard, 15)
+    shown, seen = Shown(tmp_path, None, ""), []
+    guard.trip("stop", "STOP was pressed")
+    while not shown.end:
+        shown.look(0.0)
+        seen.append(dict(facts(shown))["measured"])
+        time.sleep(0.005)
+    assert guard.wait().alarm == ""
+    words = [word.split(",")[0].split(";")[0] for word in seen]
+    assert {"falling", "off"} <= set(words)
+    assert words.index("off") > words.index("falling")
+    (began,) = _entries(tmp_path, "ramp")
+    (came_down,) = _entries(tmp_path, "came_down")
+    steps = came_down["steps"]
+    assert isinstance(steps, list)
+    assert (steps[0][1], steps[-1][1]) == (pytest.approx(began["from_V"], abs=1.0), 0.0)
+    command, _, after = charts(shown)["voltage"]
+    assert command[-1][1] == 0.0
+    assert len([volts for _, volts in command if volts]) >= 20
+    assert [volts for _, volts in after][-1] == _entries(tmp_path, "harmless")[0]["measured_V"]
 
 
 @pytest.mark.parametrize(

@@ -30,9 +30,9 @@ pytestmark = [
 
 
 @contextlib.contextmanager
-def watched_run(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def watched_run(folder: Path, more: str = "") -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A run that is watched, and the address of its page."""
-    (folder / "bench.toml").write_text(PATIENT)
+    (folder / "bench.toml").write_text(PATIENT + more)
     words = [sys.executable, "-m", "bender_cli", "hil", "--bench", "bench.toml", "--watch", "--duration", "120"]
     run = subprocess.Popen([*words, "--out", "run"], cwd=folder, env=OUTSIDE, stdout=subprocess.PIPE, text=True)
     try:
@@ -92,6 +92,24 @@ def test_stop_by_the_space_bar_while_the_pages_server_hangs(tmp_path):
     assert end is not None
     assert end["confirmed"] is True
     assert end["code"] == "stop"
+
+
+def test_after_stop_the_page_shows_the_way_down_and_stays_as_the_run_ended(tmp_path):
+    with watched_run(tmp_path, "ramp_V_per_s = 25.0\n") as (run, address), browser() as chromium:
+        page = chromium.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(address)
+        page.wait_for_function("window.framesShown > 30", timeout=90_000)
+        page.wait_for_function("/command\\s+(1[0-9]|[2-9][0-9])/.test(document.body.innerText)", timeout=90_000)
+        page.click("#stop")
+        page.wait_for_function("/measured\\s+falling; \\d/.test(document.body.innerText)", timeout=60_000)
+        assert re.search(r"command\s+falling, \d", page.inner_text("body"))
+        page.wait_for_function("/measured\\s+off, /.test(document.body.innerText)", timeout=60_000)
+        page.wait_for_function("document.getElementById('stop-said').innerText.includes('output off')", timeout=60_000)
+        run.communicate(timeout=60.0)
+        # the page's process has gone, and what it said last stands
+        page.wait_for_function("document.body.innerText.includes('the run is over')", timeout=10_000)
+        assert page.locator("#popup").is_hidden()
+    assert run.returncode == 1
 
 
 def _nobody_else_sees_anything(address: str, chromium) -> None:

@@ -1,5 +1,6 @@
 import asyncio
 import json
+import math
 import threading
 import urllib.error
 import urllib.request
@@ -8,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from few import few_rows
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bender_cli.main import main
 from bender_hil.guard.stop_ear import StopEar
 from bender_hil.live.frame_board import FrameWriter, frame_number, read_frame
+from bender_hil.live.output_view import OutputView
 from bender_hil.live.page import Shown, charts, facts
 from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
 from bender_hil.live.stop_button import Button, server
@@ -37,7 +41,7 @@ def _write(path: Path, *entries: dict) -> None:
 
 def test_a_view_follows_journals_that_grow(tmp_path):
     view = RunView(tmp_path)
-    assert (view.update().ticks, view.state) == (0, "not armed")
+    assert (view.update().ticks, view.output.state(math.inf, None)) == (0, "not armed")
     _write(tmp_path / RUN, {"n": 0, "t": 99.0, "kind": "start", "emulated": True})
     _write(
         tmp_path / GUARD,
@@ -45,11 +49,11 @@ def test_a_view_follows_journals_that_grow(tmp_path):
         {"n": 1, "t": 100.5, "kind": "measured", "supply_voltage_V": 2.5},
     )
     view.update()
-    assert (view.emulated, view.state, list(view.measured)) == (True, "armed", [])
+    assert (view.emulated, view.output.state(math.inf, None), view.measured(0.0, 9.0)) == (True, "armed", [])
     _write(tmp_path / RUN, _tick(0), _tick(1, None), _tick(2, late=True))
     view.update()
     assert (view.ticks, view.late, view.lost) == (3, 1, 1)
-    assert list(view.measured) == [(0.5, 2.5)]
+    assert view.measured(0.0, 9.0) == [(0.5, 2.5)]
     assert view.rows[0].latency_ms == pytest.approx(4.0)
     with (tmp_path / RUN).open("a") as file:
         file.write(json.dumps(_tick(3))[:40])
@@ -64,35 +68,158 @@ def test_a_view_follows_journals_that_grow(tmp_path):
         {"n": 4, "t": 101.2, "kind": "end", "alarm": ""},
     )
     view.update()
-    assert (view.state, view.reason, view.is_over) == ("output off", "stop: STOP was pressed", True)
+    assert (view.output.state(math.inf, None), view.output.is_over) == ("output off (stop: STOP was pressed)", True)
 
 
-def test_after_stop_the_way_down_is_shown_and_no_voltage_from_before_it(tmp_path):
-    view = RunView(tmp_path)
-    _write(tmp_path / RUN, {"n": 0, "t": 99.0, "kind": "start", "emulated": True}, *(_tick(k) for k in range(30)))
+BEGIN = {"n": 0, "t": 99.0, "kind": "start", "emulated": True}
+
+
+def _fallen(folder: Path, *more: dict) -> Shown:
+    """A run of a second whose guard comes down from 40 V."""
+    _write(folder / RUN, BEGIN, *(_tick(k) for k in range(31)))
     _write(
-        tmp_path / GUARD,
-        {"n": 0, "t": 100.5, "kind": "measured", "supply_voltage_V": 38.5},
-        {"n": 1, "t": 101.0, "kind": "ramp", "from_V": 40.0, "rate_V_per_s": 400.0},
-        {"n": 2, "t": 101.2, "kind": "output_off"},
+        folder / GUARD,
+        {"t": 99.5, "kind": "armed"},
+        {"t": 100.9, "kind": "measured", "supply_voltage_V": 38.5},
+        {"t": 101.0, "kind": "trip", "code": "stop", "sentence": "STOP was pressed"},
+        {"t": 101.0, "kind": "ramp", "from_V": 40.0, "rate_V_per_s": 400.0},
+        *more,
     )
-    view.update()
-    assert [view.descent[k] for k in (0, 5, -1)] == [pytest.approx(x) for x in ((1.0, 40.0), (1.05, 20.0), (1.2, 0.0))]
-    assert view.duration_s == pytest.approx(1.2)
-    shown = Shown(tmp_path, None, "", cursor_s=view.duration_s, view=view)
-    assert "38" not in dict(facts(shown))["measured"]
-    assert charts(shown)["voltage"][0][-1] == pytest.approx((1.2, 0.0))
-    _write(tmp_path / GUARD, {"n": 3, "t": 101.3, "kind": "harmless", "measured_V": 0.2, "below_V": 0.5})
-    view.update()
-    assert dict(facts(shown))["measured"] == "0.20 V"
+    shown = Shown(folder, None, "", clock=lambda: 101.05)
+    shown.look(0.0)
+    return shown
+
+
+STEPS = {"t": 101.2, "kind": "came_down", "steps": [[101.0, 38.0], [101.06, 20.0], [101.15, 0.0]]}
+OFF = {"t": 101.2, "kind": "output_off"}
+
+
+def test_on_the_way_down_the_voltage_is_falling_and_the_ramp_is_drawn_as_far_as_it_has_come(tmp_path):
+    shown = _fallen(tmp_path)
+    told = dict(facts(shown))
+    assert told["guard"] == "coming down, voltage falling (stop: STOP was pressed)"
+    assert (told["command"], told["measured"]) == ("falling, 20.00 V", "falling; 38.50 V before")
+    assert (told["set-point"], told["tip"]) == ("none", "1.00 µm, before the way down")
+    command, measured, _ = charts(shown)["voltage"]
+    assert command[-1] == (pytest.approx(1.05), pytest.approx(20.0, abs=0.01))
+    assert max(t for t, _ in measured) == pytest.approx(0.9)
+    assert shown.end == ""
+
+
+def test_once_the_output_is_off_the_steps_are_drawn_as_they_were_sent(tmp_path):
+    shown = _fallen(tmp_path, OFF, STEPS)
+    told = dict(facts(shown))
+    assert told["guard"] == "output off, voltage falling (stop: STOP was pressed)"
+    assert (told["command"], told["measured"]) == ("off", "falling, not measured")
+    command = charts(shown)["voltage"][0]
+    assert command[-4:] == [(pytest.approx(t), v) for t, v in ((1.0, 38.0), (1.06, 20.0), (1.15, 0.0), (1.2, 0.0))]
+    _write(tmp_path / GUARD, {"t": 101.25, "kind": "discharging", "measured_V": 12.0})
+    shown.look(0.0)
+    assert dict(facts(shown))["measured"] == "falling, 12.00 V"
+    _write(tmp_path / GUARD, {"t": 101.4, "kind": "overdue", "sentence": "12 V are still measured"})
+    shown.look(0.0)
+    assert "do not touch" in dict(facts(shown))["guard"]
+    _write(tmp_path / GUARD, {"t": 101.5, "kind": "harmless", "measured_V": -0.001}, {"t": 101.5, "kind": "end"})
+    shown.look(0.0)
+    assert dict(facts(shown))["measured"] == "off, 0.00 V"
+    assert [v for _, v in charts(shown)["voltage"][2]] == [12.0, -0.001]
+    assert (shown.end, shown.is_settled, shown.view.duration_s) == ("output off, harmless", True, pytest.approx(1.5))
+
+
+@pytest.mark.parametrize(
+    ("entries", "command", "measured"),
+    [
+        (({"t": 101.03, "kind": "ramp_broken", "sentence": "lost"},), "falling, 28.00 V", "falling; 38.50 V before"),
+        (({"t": 101.03, "kind": "not_confirmed", "attempt": 0},), "falling, 20.00 V", "falling; 38.50 V before"),
+        # a source that cannot measure
+        ((OFF, STEPS, {"t": 101.2, "kind": "end", "alarm": ""}), "off", "off, not measured"),
+        (
+            ({"t": 103.0, "kind": "end", "alarm": "OUTPUT STATE UNKNOWN (lost)"},),
+            "not known",
+            "not known; 38.50 V last",
+        ),
+    ],
+)
+def test_a_way_down_that_is_not_as_planned_is_shown_as_it_is(tmp_path, entries, command, measured):
+    told = dict(facts(_fallen(tmp_path, *entries)))
+    assert (told["command"], told["measured"]) == (command, measured)
+
+
+def test_a_spare_guard_and_an_alarm_of_the_controller_are_shown(tmp_path):
+    shown = _fallen(tmp_path)
+    spare = {"t": 102.0, "kind": "ramp", "from_V": 0.0, "rate_V_per_s": 400.0}
+    _write(tmp_path / "rescue.jsonl", spare, {"t": 102.1, "kind": "not_confirmed", "attempt": 0})
+    shown.look(0.0)
+    assert "not confirmed off yet" in dict(facts(shown))["guard"]
+    assert not shown.is_settled
+    _write(tmp_path / RUN, {"t": 103.0, "kind": "stop", "alarm": "OUTPUT STATE UNKNOWN: switch it off by hand"})
+    shown.look(0.0)
+    told = dict(facts(shown))
+    assert told["guard"] == "OUTPUT STATE UNKNOWN: switch it off by hand"
+    assert (told["command"], shown.end) == ("not known", "OUTPUT STATE UNKNOWN: switch it off by hand")
+
+
+def test_a_guard_that_is_silent_is_said_and_a_replay_shows_what_was_said_then(tmp_path):
+    _write(tmp_path / RUN, BEGIN, *(_tick(k) for k in range(31)))
+    _write(tmp_path / GUARD, {"t": 99.5, "kind": "armed"}, {"t": 100.9, "kind": "measured", "supply_voltage_V": 38.5})
+    shown = Shown(tmp_path, None, "", clock=lambda: 105.0)
+    shown.look(0.0)
+    assert dict(facts(shown))["guard"] == "armed, silent for 4 s"
+    _fallen(tmp_path, OFF, STEPS)
+    replay = Shown(tmp_path, None, "", is_replay=True, cursor_s=0.95, is_playing=False)
+    replay.look(0.0)
+    told = dict(facts(replay))
+    assert (told["guard"], told["command"], told["measured"]) == ("armed", "3.00 V", "38.50 V")
+    assert charts(replay)["voltage"][0][-1][1] == 3.0
+    replay.cursor_s = 1.1
+    assert dict(facts(replay))["command"] == "falling, 20.00 V"
+
+
+KINDS = [
+    "measured",
+    "ramp_broken",
+    "not_confirmed",
+    "output_off",
+    "discharging",
+    "overdue",
+    "harmless",
+    "came_down",
+    "end",
+]
+
+
+@given(st.lists(st.sampled_from(KINDS), max_size=8), st.floats(0.0, 10.0))
+def test_no_voltage_from_before_the_way_down_is_shown_as_that_of_now(kinds, later_s):
+    output = OutputView()
+    output.take({"t": 0.0, "kind": "armed"})
+    output.take({"t": 1.0, "kind": "measured", "supply_voltage_V": 38.5})
+    output.take({"t": 2.0, "kind": "ramp", "from_V": 38.5, "rate_V_per_s": 100.0})
+    for place, kind in enumerate(kinds):
+        output.take({"t": 3.0 + place, "kind": kind, "measured_V": 1.0, "alarm": "lost", "steps": [[2.5, 3.0], [None]]})
+    told = output.voltage(2.0 + later_s)
+    assert told.startswith(("falling", "off", "not known"))
+    assert "38.5" not in told or "before" in told or "last" in told
+    assert output.command(2.0 + later_s) is not None
+    line = output.descent(2.0 + later_s)
+    assert all(2.0 <= t <= 2.0 + later_s for t, _ in line)
+    assert [t for t, _ in line] == sorted(t for t, _ in line)
+
+
+def test_few_points_keep_the_newest(tmp_path):
+    shown = _fallen(tmp_path)
+    _write(
+        tmp_path / GUARD, OFF, *({"t": 101.3 + k / 1e3, "kind": "discharging", "measured_V": 9.0} for k in range(701))
+    )
+    _write(tmp_path / GUARD, {"t": 102.5, "kind": "harmless", "measured_V": 0.2})
+    shown.look(0.0)
+    assert charts(shown)["voltage"][2][-1] == (pytest.approx(2.5), 0.2)
 
 
 def test_a_replay_shows_a_run_until_its_cursor(tmp_path):
     _write(tmp_path / RUN, {"n": 0, "t": 99.0, "kind": "start", "emulated": False}, *(_tick(k) for k in range(4000)))
     view = whole_run(tmp_path)
     assert view.ticks == len(view.rows) == 4000
-    rows, _ = view.up_to(10.0)
-    assert len(rows) == 301
+    assert len(view.up_to(10.0)) == 301
     assert view.duration_s == pytest.approx(3999 / 30.0)
 
 

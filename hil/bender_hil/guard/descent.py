@@ -28,6 +28,10 @@ _GAP_S = 0.01
 """After a command that nothing waits for: there are supplies that drop the link when two lines come in one packet."""
 _PAUSE_S = 0.03
 _POLL_S = 0.005
+_WRITTEN_S = 0.05
+"""Between two measurements of the discharge that are written down."""
+_MOST_STEPS = 200
+"""Of the ramp that are written down."""
 
 Tell = Callable[..., Any]
 """Called as `tell("off", off_s=...)` and `tell("overdue", sentence=...)`; never raises."""
@@ -68,12 +72,15 @@ def descend(
     """
     start_s = time.perf_counter()
     end_s = source.patience.end_s = start_s + limits.shutdown_limit_s
-    link_is_good = _ramp(source, limits, from_V, journal)
+    link_is_good, steps = _ramp(source, limits, from_V, journal)
     off_s, sentence = _switch_off(source, end_s, link_is_good, journal)
+    if off_s is not None:
+        journal.write("output_off", off_s=off_s)
+        tell("off", off_s=off_s)
+    # only now: what is written step by step would let a slow disk hold up the way down
+    journal.write("came_down", steps=_thinned(steps))
     if off_s is None:
         return Landing(False, sentence=sentence)
-    journal.write("output_off", off_s=off_s)
-    tell("off", off_s=off_s)
     source.patience.end_s = off_s + limits.discharge_limit_s
     return _discharge(source, limits, off_s, end_s, journal, tell)
 
@@ -83,9 +90,12 @@ def ramp_rate_V_per_s(limits: GuardSettings, from_V: float) -> float:
     return max(limits.ramp_V_per_s, abs(from_V) / (_RAMP_SHARE * limits.shutdown_limit_s))
 
 
-def _ramp(source: Source, limits: GuardSettings, from_V: float, journal: Journal) -> bool:
-    """Go down without asking anything; returns whether the link held."""
+def _ramp(
+    source: Source, limits: GuardSettings, from_V: float, journal: Journal
+) -> tuple[bool, list[tuple[float, float]]]:
+    """Go down without asking anything; returns whether the link held, and when which level was on the wire."""
     start_s = time.perf_counter()
+    steps: list[tuple[float, float]] = []
     rate_V_per_s = ramp_rate_V_per_s(limits, from_V)
     journal.write("ramp", from_V=from_V, rate_V_per_s=rate_V_per_s)
     try:
@@ -93,15 +103,23 @@ def _ramp(source: Source, limits: GuardSettings, from_V: float, journal: Journal
             # the first step counts from one step before, so that the way down begins at once
             passed_s = time.perf_counter() - start_s + _RAMP_STEP_S
             left_V = max(0.0, abs(from_V) - rate_V_per_s * passed_s)
-            sent_s = source.set_voltage_blind(math.copysign(left_V, from_V))
+            level_V = math.copysign(left_V, from_V)
+            sent_s = source.set_voltage_blind(level_V)
+            steps.append((sent_s, level_V))
             if left_V == 0.0:
                 source.patience.pause(sent_s + _FOLLOW_S - time.perf_counter())
-                return True
+                return True, steps
             # a slow line is never given more than it carries: the switch must not wait behind the ramp
             source.patience.pause(max(start_s + passed_s, sent_s) - time.perf_counter())
     except Exception as error:  # whatever it is, the output has to go off
         journal.write("ramp_broken", sentence=_words(error))
-        return False
+        return False, steps
+
+
+def _thinned(steps: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the steps of a ramp, not too many of them, the last one always."""
+    stride = max(1, math.ceil(len(steps) / _MOST_STEPS))
+    return steps[::-stride][::-1]
 
 
 def _switch_off(source: Source, end_s: float, link_is_good: bool, journal: Journal) -> tuple[float | None, str]:
@@ -143,7 +161,7 @@ def _discharge(
 ) -> Landing:
     """Watch the terminals until the remaining voltage is harmless; if it is not at `overdue_s`, say so."""
     sentence = "the output is off, but what is at the terminals could not be measured"
-    stranger, was_told = "", False
+    stranger, was_told, written_s = "", False, -math.inf
     while time.perf_counter() < off_s + limits.discharge_limit_s:
         try:
             measured_V = source.measured_V()
@@ -158,6 +176,9 @@ def _discharge(
                     return Landing(True, off_s, harmless_s)
                 sentence = "the output was off, and the supply says that it is on again"
                 source.off_blind()
+            elif harmless_s - written_s > _WRITTEN_S:
+                written_s = harmless_s
+                journal.write("discharging", measured_V=measured_V)
         except Exception as error:  # as on the ramp
             stranger = _reopen(source) or stranger
             sentence = f"the output is off, but its voltage is not known: {stranger or _words(error)}"

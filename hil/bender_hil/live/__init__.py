@@ -10,6 +10,7 @@ one to the guard: the page's server, the runner and the loop have no part in it.
 | `session` | both processes, started beside a run, and what the runner tells them |
 | `frame_board` | the newest frame, for whoever shows it |
 | `run_view` | what a page shows of a run, read from its journals while they grow |
+| `output_view` | what it shows of the output: on, falling, off, or not known |
 | `watch_view` | what it shows of a watch beside the run |
 | `token_gate` | lets nobody in who does not know the token |
 | `page` | the page: picture, charts, state, STOP |

@@ -26,19 +26,29 @@
       picture.dataset.frame = last;
     }
   }
+  let pressed = false;
+  const end = () => { const facts = document.querySelector(".facts"); return facts ? facts.dataset.end || "" : ""; };
   function say(words) {
     const place = document.getElementById("stop-said");
-    if (place) place.textContent = words;
+    if (place && place.textContent !== words) place.textContent = words;
   }
+  // once the run is over, what was said of STOP gives way to what became of the output
+  function sayEnd() { if (pressed && end()) say(end()); }
   async function stop() {
     if (!settings.stopUrl) return;
+    pressed = false;
     say("STOP is being said …");
     try {
       const answer = await fetch(settings.stopUrl, { method: "POST" });
       say((await answer.json()).said);
     } catch (error) {
-      say("the STOP button's process does not answer: press OUTPUT OFF at the source");
+      const before = end() ? "the run is over (" + end() + "), and nobody hears STOP any more; if in doubt" :
+        "the STOP button's process does not answer:";
+      say(before + " press OUTPUT OFF at the source");
+      return;
     }
+    pressed = true;
+    setTimeout(sayEnd, 1000);
   }
   window.benderStop = stop;
   document.addEventListener("keydown", (event) => {
@@ -50,5 +60,6 @@
   document.addEventListener("click", (event) => {
     if (event.target.closest && event.target.closest("#stop")) stop();
   }, true);
+  setInterval(sayEnd, 200);
   show();
 })();

@@ -9,7 +9,8 @@ import copy
 import html
 import json
 import math
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ MOST_POINTS = 400
 _WAIT_S, _LOOK_S = 0.5, 0.008
 _CROSS_PX, _JPEG_QUALITY = 14, 80
 _HERE = Path(__file__).parent
+CLOSED = "the run is over: this page stays as it is; bender live shows the run again"
 Point = tuple[float, float | None]
 
 
@@ -42,6 +44,9 @@ class Shown:
         cursor_s: until when a replay is shown.
         is_playing: whether the cursor moves by itself.
         view: of the run.
+        clock: of the journals.
+        is_closing: the run is over, and this process ends once every browser has seen its end.
+        redrawn: how often the page was drawn since then.
     """
 
     folder: Path
@@ -53,6 +58,9 @@ class Shown:
     view: RunView | None = None
     jpeg: tuple[int, bytes] = (-1, b"")
     decisions: list[str] = field(default_factory=list)
+    clock: Callable[[], float] = time.perf_counter
+    is_closing: bool = False
+    redrawn: int = 0
 
     def look(self, passed_s: float) -> None:
         """Read what is new, or move the cursor of a replay."""
@@ -68,8 +76,20 @@ class Shown:
             if self.view is None or self.view.folder != folder:
                 self.view = RunView(folder)
             self.view.update()
-            self.cursor_s = self.view.duration_s
+            self.cursor_s = self.view.now_s(self.clock())
         self.decisions = decisions(self.folder)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether nothing more is to be shown: there is no run, nothing was armed, or its last word has been said."""
+        return self.view is None or not self.view.output.is_armed or self.view.output.is_over
+
+    @property
+    def end(self) -> str:
+        """What is to be said of the output once the run is over; "" before."""
+        if self.view is None or self.is_replay or not self.view.output.is_over:
+            return ""
+        return self.view.output.at(math.inf).state
 
     def newest(self) -> int:
         """Return the number of the newest picture, -1 where there is none; a replay has to read it."""
@@ -92,7 +112,7 @@ class Shown:
         """Return the picture of a past run that was kept for the time of the cursor, those around a trip."""
         if self.view is None:
             return -1, b""
-        rows, _ = self.view.up_to(self.cursor_s)
+        rows = self.view.up_to(self.cursor_s)
         if not rows:
             return -1, b""
         path = self.view.folder / "frames" / f"frame-{rows[-1].frame:06d}.png"
@@ -120,51 +140,45 @@ def facts(shown: Shown) -> list[tuple[str, str]]:
     view = shown.view
     if view is None:
         return [("run", "none yet")]
-    rows, measured = view.up_to(shown.cursor_s) if shown.is_replay else (list(view.rows), list(view.measured))
+    rows = view.up_to(shown.cursor_s) if shown.is_replay else list(view.rows)
+    at_s, output = view.clock_s(shown.cursor_s), view.output
     latest = rows[-1] if rows else None
     latency = sorted(x.latency_ms for x in rows[-300:] if x.latency_ms is not None)
+    told = output.command(at_s)
+    before = "" if told is None else ", before the way down"
     return [
         ("bench", "emulated" if view.emulated else "real" if view.emulated is False else "not known yet"),
         ("run", view.folder.name),
-        ("guard", f"{view.state}{': ' + view.reason if view.reason else ''}"),
-        ("time", f"{latest.time_s:.1f} s" if latest else "-"),
-        ("tip", _value(latest.tip_um if latest else None, "µm", "not found")),
-        ("set-point", _value(latest.setpoint_um if latest else None, "µm", "none")),
-        ("command", _value(latest.command_V if latest else None, "V", "-")),
-        ("measured", _measured(view, measured)),
+        ("guard", output.state(at_s, None if shown.is_replay else shown.clock())),
+        ("time", f"{shown.cursor_s:.1f} s" if latest else "-"),
+        ("tip", _value(latest.tip_um if latest else None, "µm", "not found") + before),
+        ("set-point", "none" if before else _value(latest.setpoint_um if latest else None, "µm", "none")),
+        ("command", told or _value(latest.command_V if latest else None, "V", "-")),
+        ("measured", output.voltage(at_s)),
         (
             "frame to command",
             f"median {latency[len(latency) // 2]:.1f} ms, most {latency[-1]:.1f} ms" if latency else "-",
         ),
         ("ticks, late, lost", f"{view.ticks}, {view.late}, {view.lost}"),
-        *([("watch", told)] if (told := view.watch.told(shown.cursor_s)) else []),
+        *([("watch", watched)] if (watched := view.watch.told(shown.cursor_s)) else []),
+        *([("page", CLOSED)] if shown.is_closing else []),
     ]
-
-
-def _descent(view: RunView, until_s: float) -> list[Point]:
-    return [x for x in view.descent if x[0] <= until_s]
-
-
-def _measured(view: RunView, measured: Sequence[tuple[float, float]]) -> str:
-    """Return the newest voltage; one from before the output was off says nothing of it now."""
-    if not measured:
-        return "-"
-    time_s, volts = measured[-1]
-    return "not since the output is off" if view.off_s is not None and time_s < view.off_s else f"{volts:.2f} V"
 
 
 def charts(shown: Shown) -> dict[str, list[list[Point]]]:
     """Return the lines of every chart, the newest seconds of them."""
     view = shown.view
     if view is None:
-        return {"tip": [[], []], "voltage": [[], []], "latency": [[], []], "residual": [[]], "statistic": [[], []]}
+        return {"tip": [[], []], "voltage": [[], [], []], "latency": [[], []], "residual": [[]], "statistic": [[], []]}
     begin_s = shown.cursor_s - SHOWN_S
-    rows, measured = view.up_to(shown.cursor_s)
-    rows = _few([x for x in rows if x.time_s >= begin_s])
-    volts = _few([x for x in measured if x[0] >= max(begin_s, 0.0)])
+    rows = _few([x for x in view.up_to(shown.cursor_s) if x.time_s >= begin_s])
+    measured = view.measured(max(begin_s, 0.0), shown.cursor_s)
+    volts: list[Point] = _few([x for x in measured if x[0] < view.falls_s])
+    after: list[Point] = _few([x for x in measured if x[0] >= view.falls_s])
+    descent: list[Point] = [*view.descent(begin_s, shown.cursor_s)]
     return {
         "tip": [[(x.time_s, x.setpoint_um) for x in rows], [(x.time_s, x.tip_um) for x in rows]],
-        "voltage": [[(x.time_s, x.command_V) for x in rows] + _descent(view, shown.cursor_s), list(volts)],
+        "voltage": [[(x.time_s, x.command_V) for x in rows] + descent, volts, after],
         "latency": [
             [(x.time_s, x.latency_ms) for x in rows if not x.is_late],
             [(x.time_s, x.latency_ms) for x in rows if x.is_late],
@@ -182,16 +196,21 @@ def _watched(watch: WatchView, until_s: float) -> dict[str, list[list[Point]]]:
 
 
 def _few(rows: Sequence[Any]) -> list[Any]:
+    """Return not too many of the rows, the newest always: a voltage that has come down is not to stay up on a chart."""
     stride = max(1, math.ceil(len(rows) / MOST_POINTS))
-    return list(rows[::stride])
+    return list(rows[::-stride][::-1])
 
 
 def _value(value: float | None, unit: str, none: str) -> str:
     return none if value is None else f"{value:.2f} {unit}"
 
 
-def _options(unit: str, names: Sequence[str], colours: Sequence[str], *, dots: bool) -> dict[str, Any]:
-    kind = {"type": "scatter", "symbolSize": 4} if dots else {"type": "line", "showSymbol": False, "step": "end"}
+def _options(
+    unit: str, names: Sequence[str], colours: Sequence[str], *, dots: Sequence[str] = (), size_px: int = 4
+) -> dict[str, Any]:
+    """Return the options of a chart; `dots` are the names that are drawn as dots of that size."""
+    line = {"type": "line", "showSymbol": False, "step": "end", "lineStyle": {"width": 1.6}}
+    dot = {"type": "scatter", "symbolSize": size_px}
     return {
         "animation": False,
         "grid": {"left": 52, "right": 14, "top": 34, "bottom": 34},
@@ -203,23 +222,32 @@ def _options(unit: str, names: Sequence[str], colours: Sequence[str], *, dots: b
             "max": "dataMax",
             "axisLabel": {"showMinLabel": False, "showMaxLabel": False},
         },
-        "yAxis": {"type": "value", "name": unit, "scale": not dots},
+        "yAxis": {"type": "value", "name": unit, "scale": len(dots) < len(names)},
         "series": [
-            {"name": name, "data": [], "lineStyle": {"width": 1.6}, "color": light(colour), **kind}
+            {"name": name, "data": [], "color": light(colour), **(dot if name in dots else line)}
             for name, colour in zip(names, colours, strict=True)
         ],
     }
 
 
+AFTER = "measured, off"
 CHARTS = (
-    ("tip", "Tip and set-point", _options("µm", ("set-point", "tip"), ("caution", "with"), dots=False)),
-    ("voltage", "Command and measured voltage", _options("V", ("command", "measured"), ("rising", "good"), dots=False)),
-    ("latency", "From frame to command", _options("ms", ("in time", "late"), ("rising", "without"), dots=True)),
-    ("residual", "Watch: measured beside the model", _options("σ", ("residual",), ("with",), dots=False)),
+    ("tip", "Tip and set-point", _options("µm", ("set-point", "tip"), ("caution", "with"))),
+    (
+        "voltage",
+        "Command and measured voltage",
+        _options("V", ("command", "measured", AFTER), ("rising", "good", "good"), dots=(AFTER,), size_px=7),
+    ),
+    (
+        "latency",
+        "From frame to command",
+        _options("ms", ("in time", "late"), ("rising", "without"), dots=("in time", "late")),
+    ),
+    ("residual", "Watch: measured beside the model", _options("σ", ("residual",), ("with",))),
     (
         "statistic",
         "Watch: largest statistic over its threshold",
-        _options("", ("statistic", "threshold"), ("rising", "without"), dots=False),
+        _options("", ("statistic", "threshold"), ("rising", "without")),
     ),
 )
 OF_WATCH = ("residual", "statistic")
@@ -286,7 +314,10 @@ def _layout(shown: Shown, ui: Any) -> None:
     def redraw() -> None:
         """Show what there is now."""
         pairs = "".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in facts(shown))
-        told.set_content(f'<dl class="facts">{pairs}</dl>')
+        end = f' data-end="{html.escape(shown.end)}"' if shown.end else ""
+        closed = " data-closed" if shown.is_closing else ""
+        told.set_content(f'<dl class="facts"{end}{closed}>{pairs}</dl>')
+        shown.redrawn += shown.is_closing
         lines = "".join(f"<li>{html.escape(x)}</li>" for x in shown.decisions)
         why.set_content(f'<ol class="decisions">{lines}</ol>' if lines else "<p>a single run</p>")
         for name, lines_of in charts(shown).items():

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bender_hil.live.output_view import OutputView, Point, number
 from bender_hil.live.watch_view import WATCH, WatchView
 from bender_hil.log.read_run import GUARD, RUN
 
@@ -17,20 +18,9 @@ KEPT = 3000
 """Ticks on a page: a minute and a half at 30 frames per second."""
 DECISIONS = "journal.jsonl"
 _LARGEST_READ = 1 << 22
-_DRAWN = 10
-"""Pieces of the ramp down on the chart."""
-STATES = {
-    "opened": "supply found",
-    "armed": "armed",
-    "trip": "tripped",
-    "ramp": "coming down",
-    "output_off": "output off",
-    "harmless": "output off, harmless",
-    "refused": "refused",
-}
-"""What the newest entry of the guard's journal of these kinds says of it."""
-_TIMED = ("measured", "harmless", "ramp", "output_off")
-"""Entries with a time, which is known once a first frame is."""
+_ROUNDING_S = 1e-6
+SPARES = "rescue*.jsonl"
+"""Journals of spare guards."""
 
 
 @dataclass(slots=True)
@@ -81,121 +71,120 @@ class RunView:
     Attributes:
         folder: of the run.
         rows: the newest ticks.
-        measured: time in s and volts, as the guard measured them.
-        descent: time in s and volts of the guard's own way down, which no tick commands.
-        off_s: time at which the supply confirmed that its output is off; None before.
-        state: of the guard, a few words.
-        reason: why it tripped, "" where it did not.
+        output: what its guard says of the output.
         ticks, late, lost: counts over the whole run.
         emulated: whether the bench is; None before it is known.
-        is_over: the guard has written its end.
         watch: what `bender watch` says of it.
     """
 
     folder: Path
     rows: deque[Row] = field(default_factory=lambda: deque(maxlen=KEPT))
-    measured: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=KEPT))
-    descent: list[tuple[float, float]] = field(default_factory=list)
-    off_s: float | None = None
-    state: str = "not armed"
-    reason: str = ""
+    output: OutputView = field(default_factory=OutputView)
     ticks: int = 0
     late: int = 0
     lost: int = 0
     emulated: bool | None = None
-    is_over: bool = False
     watch: WatchView = field(default_factory=WatchView)
     _origin_s: float | None = None
     _run: Tail | None = None
     _guard: Tail | None = None
     _watch: Tail | None = None
-    _waiting: list[dict[str, Any]] = field(default_factory=list)
+    _spares: dict[Path, Tail] = field(default_factory=dict)
 
     def update(self) -> "RunView":
         """Read what is new; returns itself."""
         self._run = self._run or Tail(self.folder / RUN)
         self._guard = self._guard or Tail(self.folder / GUARD)
         self._watch = self._watch or Tail(self.folder / WATCH)
-        for entry in self._run.entries():
+        told = self._run.entries()
+        for entry in self._guard.entries():
+            self.output.take(entry)
+        for path in sorted(self.folder.glob(SPARES), key=lambda x: (len(x.name), x.name)):
+            for entry in self._spares.setdefault(path, Tail(path)).entries():
+                self.output.take(entry, is_spare=True)
+        for entry in told:
             if entry["kind"] == "tick":
                 self._tick(entry)
             elif entry["kind"] == "start":
                 self.emulated = bool(entry.get("emulated"))
+            elif entry["kind"] == "stop":
+                self.output.end(entry)
         for entry in self._watch.entries():
             self.watch.take(entry)
-        self._waiting += self._guard.entries()
-        for entry in self._waiting:
-            self._said_by_guard(entry)
-        self._waiting = [x for x in self._waiting if x["kind"] in _TIMED] if self._origin_s is None else []
         return self
 
     def _tick(self, entry: dict[str, Any]) -> None:
-        grabbed_s, sent_s = _number(entry.get("grabbed_s")), _number(entry.get("sent_s"))
+        grabbed_s, sent_s = number(entry.get("grabbed_s")), number(entry.get("sent_s"))
         if grabbed_s is None:
             return
         if self._origin_s is None:
             self._origin_s = grabbed_s
-        tip_um = _number(entry.get("measured_um"))
+        tip_um = number(entry.get("measured_um"))
         self.ticks += 1
         self.late += bool(entry.get("late"))
         self.lost += tip_um is None
         self.rows.append(
             Row(
                 grabbed_s - self._origin_s,
-                _number(entry.get("setpoint_um")),
+                number(entry.get("setpoint_um")),
                 tip_um,
-                _number(entry.get("command_V")),
+                number(entry.get("command_V")),
                 None if sent_s is None else 1e3 * (sent_s - grabbed_s),
                 bool(entry.get("late")),
-                int(_number(entry.get("frame")) or 0),
+                int(number(entry.get("frame")) or 0),
             )
         )
 
-    def _said_by_guard(self, entry: dict[str, Any]) -> None:
-        kind = entry["kind"]
-        self.state = STATES.get(kind, self.state)
-        if kind == "trip":
-            self.reason = f"{entry.get('code')}: {entry.get('sentence')}"
-        elif kind == "end":
-            self.is_over = True
-            if entry.get("alarm"):
-                self.state, self.reason = "OUTPUT STATE UNKNOWN", str(entry["alarm"])
-        time_s = _number(entry.get("t"))
-        if time_s is None or self._origin_s is None:
-            return
-        if kind in ("measured", "harmless"):
-            volts = _number(entry.get("supply_voltage_V" if kind == "measured" else "measured_V"))
-            if volts is not None:
-                self.measured.append((time_s - self._origin_s, volts))
-        elif kind == "ramp":
-            self._came_down(time_s - self._origin_s, _number(entry.get("from_V")), _number(entry.get("rate_V_per_s")))
-        elif kind == "output_off":
-            self.off_s = time_s - self._origin_s
-            self.descent.append((self.off_s, 0.0))
+    def clock_s(self, time_s: float) -> float:
+        """Return the time of the journals for a time of the run; the newest of them before its first frame."""
+        return math.inf if self._origin_s is None else self._origin_s + time_s + _ROUNDING_S
 
-    def _came_down(self, time_s: float, from_V: float | None, rate_V_per_s: float | None) -> None:
-        if from_V is not None and rate_V_per_s is not None and rate_V_per_s > 0.0:
-            parts = [k / _DRAWN for k in range(_DRAWN + 1)]
-            self.descent = [(time_s + x * abs(from_V) / rate_V_per_s, (1.0 - x) * from_V) for x in parts]
+    def now_s(self, clock_s: float) -> float:
+        """Return the time of a run that goes on: of its newest entry, or the clock's while the voltage falls unwritten.
 
-    def up_to(self, time_s: float) -> tuple[list[Row], list[tuple[float, float]]]:
-        """Return the ticks and the measured voltages until a time of the run, for its replay."""
-        return [x for x in self.rows if x.time_s <= time_s], [x for x in self.measured if x[0] <= time_s]
+        Args:
+            clock_s: the clock of the journals.
+        """
+        if self._origin_s is None or not self.output.is_coming_down:
+            return self.duration_s
+        return max(self.duration_s, clock_s - self._origin_s)
+
+    def up_to(self, time_s: float) -> list[Row]:
+        """Return the ticks until a time of the run."""
+        return [x for x in self.rows if x.time_s <= time_s]
+
+    def measured(self, begin_s: float, end_s: float) -> list[Point]:
+        """Return time of the run and volts between two times of it."""
+        return self._of_run([x for x in self.output.measured if x[0] <= self.clock_s(end_s)], begin_s)
+
+    def descent(self, begin_s: float, end_s: float) -> list[Point]:
+        """Return what the output was told on the way down, which no tick commands."""
+        return self._of_run(self.output.descent(self.clock_s(end_s)), begin_s)
+
+    @property
+    def falls_s(self) -> float:
+        """Time of the run at which the way down began, infinite before."""
+        return self.output.falls_s - (self._origin_s or 0.0)
+
+    def _of_run(self, points: list[Point], begin_s: float) -> list[Point]:
+        origin_s = self._origin_s
+        return [] if origin_s is None else [(t - origin_s, v) for t, v in points if t - origin_s >= begin_s]
 
     @property
     def duration_s(self) -> float:
         """Length of the run so far, the way down included."""
-        ends = [x[-1] for x in (self.measured, self.descent) if x]
-        return max([self.rows[-1].time_s if self.rows else 0.0, *(time_s for time_s, _ in ends)])
+        if self._origin_s is None or not self.rows:
+            return 0.0
+        return max(self.rows[-1].time_s, self.output.newest_s - self._origin_s)
 
 
 def whole_run(folder: Path) -> RunView:
     """Return a past run with all of its ticks."""
-    view = RunView(folder, deque(), deque(), watch=WatchView(deque()))
+    view = RunView(folder, deque(), OutputView(measured=deque()), watch=WatchView(deque()))
     while True:
-        before = view.ticks, len(view.measured), len(view.watch.stretches)
+        before = view.ticks, view.output.heard_s, len(view.watch.stretches)
         view.update()
-        if before == (view.ticks, len(view.measured), len(view.watch.stretches)):
+        if before == (view.ticks, view.output.heard_s, len(view.watch.stretches)):
             return view
 
 
@@ -211,7 +200,3 @@ def decisions(folder: Path, most: int = 8) -> list[str]:
     """Return the newest decisions of an investigation, the last one first; none of a plain run."""
     found = Tail(folder / DECISIONS).entries()
     return [f"{x['kind']}: {x.get('why', '')}" for x in reversed(found[-most:])]
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
