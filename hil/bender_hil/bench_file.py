@@ -37,6 +37,8 @@ _SUPPLY_BOUNDS: dict[str, Bounds] = {
 }
 _LEAST_PERIODS = 2.0
 """So many times between readings the guard waits at the least for one."""
+OF_SENSOR = ("heartbeat_s", "frame_age_s")
+"""Limits of the guard that a file may leave to what the sensor does at rest."""
 _LEAST_WIRE_PX, _LARGEST_WIRE = 2.0, 0.25
 """The wire is at least so many pixels thick, and at most this share of the picture."""
 
@@ -112,6 +114,7 @@ class BenchFile:
         emulator: the emulated bench; None for a real one.
         metadata: what else is to be known of the bench, for the log: specimen, operator, room.
         path: of the file, None for the defaults.
+        follows_sensor: limits of the guard that follow from how steadily readings come at rest, of `OF_SENSOR`.
     """
 
     source: SourceSettings | None = None
@@ -125,6 +128,7 @@ class BenchFile:
     emulator: EmulationSettings | None = None
     metadata: dict[str, str] = field(default_factory=dict)
     path: Path | None = None
+    follows_sensor: tuple[str, ...] = ()
 
     @property
     def address(self) -> str | None:
@@ -199,7 +203,7 @@ class BenchFile:
 
 def emulated_bench() -> BenchFile:
     """The bench that is there when no file is given."""
-    return BenchFile(emulator=EmulationSettings())
+    return BenchFile(emulator=EmulationSettings(), follows_sensor=OF_SENSOR)
 
 
 def read_bench(path: Path) -> BenchFile:
@@ -238,6 +242,7 @@ def read_bench(path: Path) -> BenchFile:
         emulator=emulator,
         metadata=_metadata(path, _table(path, table, "metadata")),
         path=path,
+        follows_sensor=tuple(name for name in OF_SENSOR if name not in _table(path, table, "guard")),
     )
     if isinstance(bench.source, SupplySettings):
         _check_supply(path, bench.source)

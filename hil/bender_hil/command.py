@@ -191,7 +191,9 @@ def _run(
         ):
             show = _shown(progress, round(program.duration_s * bench.rate_Hz))
             seen = show if page is None else both(page.see, show)
-            result = run_bench(bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page)
+            result = run_bench(
+                bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page, tell=_say
+            )
     except OutputUnknownError as error:
         _complain(str(error))
         return Status.UNCONFIRMED
@@ -412,6 +414,13 @@ def _complain(sentence: str) -> None:
     with contextlib.suppress(OSError):
         sys.stderr.write(f"bender: {' '.join(sentence.split())}\n")
         sys.stderr.flush()
+
+
+def _say(sentence: str) -> None:
+    """Print a line before a run; a terminal that has gone is no reason for none."""
+    with contextlib.suppress(OSError):
+        sys.stdout.write(f"{sentence}\n")
+        sys.stdout.flush()
 
 
 def _free_name(path: Path) -> Path:

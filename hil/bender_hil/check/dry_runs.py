@@ -17,6 +17,7 @@ from bender_hil.log.read_run import RunLog
 from bender_hil.log.results import write_results
 from bender_hil.runner.program import OpenLoop
 from bender_hil.runner.run import RunResult, run
+from bender_hil.runner.steadiness import UnsteadyError
 from bender_hil.runner.voltages import Voltages
 from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_loop.errors import InputError, RunError
@@ -48,7 +49,8 @@ def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding],
     except NoSensorError as error:
         return [Finding("sensor", FAILED, str(error), f"look at its cable, and at [sensor]; {_found_here()}")], None
     except InputError as error:
-        return [Finding("dry run at 0 V", FAILED, str(error), "correct the bench file")], None
+        advice = _TOO_SLOW if isinstance(error, UnsteadyError) else "correct the bench file"
+        return [Finding("dry run at 0 V", FAILED, str(error), advice)], None
     except RunError as error:
         return [Finding("dry run at 0 V", FAILED, str(error), f"look at cables and addresses; {_found_here()}")], None
     found = [*_source(result.log), *_sensor(bench, result.log), _end("dry run at 0 V", result)]

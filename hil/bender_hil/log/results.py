@@ -74,7 +74,7 @@ def write_results(directory: Path, log: RunLog, record: Path | None, end: EndOfR
     said = conduct(summary, swings, step, unexpected_behaviour(log))
     line = last_line(said, end)
     rows = _rows(summary, swings, step, stairs)
-    facts = _facts(summary, swings, step, stairs, said, end, line)
+    facts = _facts(summary, swings, step, stairs, said, end, line) | {"at_rest": log.start.get("at_rest")}
     try:
         write_result(directory / FIGURES, finite(facts))
         with malformed_is_bad_input(directory):

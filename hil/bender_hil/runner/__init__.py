@@ -15,6 +15,7 @@
 | `run` | one run on a bench, from the bench file to the record |
 | `run_folder` | the directory of a run, and what the run was made with |
 | `run_lock` | who else runs a bench on this machine |
+| `steadiness` | how steadily readings come at rest, and the limits of the guard that follow from it |
 | `tip_camera` | the eyes: the newest frame of the camera, and where the tip is in it |
 | `voltages` | voltages over time for open-loop runs: the staircase and the sine of the paper, or a file |
 """

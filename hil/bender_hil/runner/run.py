@@ -21,6 +21,7 @@ from bender_hil.log.results import RECORD
 from bender_hil.log.summary import Summary, summarise
 from bender_hil.log.to_record import to_record
 from bender_hil.realtime import priority
+from bender_hil.runner import steadiness
 from bender_hil.runner.buffered import Buffered, BufferedLoop, can_record
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
@@ -96,6 +97,7 @@ def run(
     finished: Callable[[], None] | None = None,
     interrupts: Interrupts | None = None,
     stop: StopWish | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> RunResult:
     """Run a programme on a bench.
 
@@ -109,9 +111,10 @@ def run(
         finished: is told when the output is off, while the emulated bench is still there.
         interrupts: what listens to signals already; made here where it is None.
         stop: who may say STOP to the guard; None for nobody.
+        tell: is told, before anything is switched on, which limits follow from the sensor.
 
     Raises:
-        InputError: bad settings, no camera, another instrument; the output was never switched on.
+        InputError: bad settings, no camera, another instrument, readings too irregular; the output was never on.
         RunError: no supply answers, no tip is found, an emulator does not start, the disk fails; the output is off.
         Interrupted: a signal came before the supply was armed; nothing is written.
         OutputUnknownError: and it could not be confirmed off.
@@ -133,6 +136,7 @@ def run(
         if isinstance(program, KeepsFiles):
             program.keep(out)
         seen_by, eyes = _open_eyes(bench, emulated, calibration, ends, buffered=isinstance(program, Buffered))
+        bench, at_rest = _steadied(bench, program, eyes, tell)
         source = _source(bench, emulated)
         delay_s = _delay_s(bench)
         journal.write(
@@ -147,6 +151,7 @@ def run(
             bench=bench.facts(),
             calibration=None if calibration is None else plain(calibration),
             metadata=bench.metadata,
+            at_rest=at_rest,
             **seen_by,
             fmu=sha256(path),
             pid=sha256(Path(sys.modules["bender_loop.control.pid"].__file__ or "")),
@@ -197,6 +202,23 @@ def run(
     if failure is not None:
         raise _with_alarm(failure, ended)
     return _result(out, ended, heard.signal, emulated is not None, unwritten)
+
+
+def _steadied(
+    bench: BenchFile, program: Program, eyes: Eyes, tell: Callable[[str], None] | None
+) -> tuple[BenchFile, dict[str, Any] | None]:
+    """Return the bench with the limits that follow from its sensor, and what the log has to say of them.
+
+    A file that sets both limits is taken at its word, and a profile that the source plays rests on no reading.
+    """
+    if not bench.follows_sensor or isinstance(program, Buffered):
+        return bench, None
+    with _quiet_memory():
+        seen = steadiness.watched_at_rest(eyes, steadiness.FEWEST if "frame_age_s" in bench.follows_sensor else 0)
+    bench = steadiness.steadied(bench, seen)
+    if tell is not None:
+        tell(steadiness.told(seen, bench.guard))
+    return bench, steadiness.facts(seen, bench.guard)
 
 
 def _loop(
