@@ -123,6 +123,7 @@ def test_once_the_output_is_off_the_steps_are_drawn_as_they_were_sent(tmp_path):
     shown.look(0.0)
     assert dict(facts(shown))["measured"] == "off, 0.00 V"
     assert [v for _, v in charts(shown)["voltage"][2]] == [12.0, -0.001]
+    assert shown.view is not None
     assert (shown.end, shown.is_settled, shown.view.duration_s) == ("output off, harmless", True, pytest.approx(1.5))
 
 

@@ -12,6 +12,7 @@ from bender_export.build import ensure_plant_fmu
 from bender_hil.bench_file import OF_SENSOR, BenchFile, emulated_bench, read_bench
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.runner import run as runner
+from bender_hil.runner import steadiness
 from bender_hil.runner.buffered import Buffered
 from bender_hil.runner.program import OpenLoop
 from bender_hil.runner.steadiness import (
@@ -144,7 +145,7 @@ def test_no_limit_is_ever_looser_than_its_default_or_the_ceiling(usual_s, more_s
 
 
 def test_a_run_is_judged_at_rest_unless_its_file_sets_both_limits_or_the_source_plays(monkeypatch):
-    monkeypatch.setattr(runner.steadiness, "watched_at_rest", lambda *_: CALM)
+    monkeypatch.setattr(steadiness, "watched_at_rest", lambda *_: CALM)
     program, said = OpenLoop(Voltages((0.0,), (0.0,), 1.0)), []
     bench, at_rest = runner._steadied(FOLLOWING, program, PlannedEyes([]), said.append)
     assert (bench, at_rest) == (FOLLOWING, facts(CALM, GuardSettings()))
@@ -158,7 +159,7 @@ def test_a_run_is_judged_at_rest_unless_its_file_sets_both_limits_or_the_source_
 @pytest.mark.slow
 def test_a_run_is_refused_before_there_is_a_guard_and_leaves_nothing(tmp_path: Path, monkeypatch):
     pytest.importorskip("cv2")
-    monkeypatch.setattr(runner.steadiness, "watched_at_rest", lambda *_: replace(CALM, largest_age_s=0.2))
+    monkeypatch.setattr(steadiness, "watched_at_rest", lambda *_: replace(CALM, largest_age_s=0.2))
     monkeypatch.setattr(runner, "GuardProcess", lambda _: pytest.fail("a guard was started"))
     program = OpenLoop(Voltages((0.0,), (0.0,), 1.0))
     with pytest.raises(UnsteadyError, match="readings come too irregularly"):
