@@ -107,6 +107,14 @@ def test_the_same_seed_gives_the_same_gains(tuned: Path, paper_fmu: Path, tmp_pa
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_a_model_is_followed_or_said_not_to_help(paper_fmu: Path, tmp_path: Path) -> None:
+    done = tune(*small(paper_fmu), "--follow-model", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    gains = (tmp_path / "out" / "gains.toml").read_text(encoding="utf-8")
+    assert ("[model_following]" in gains) != ("model following is not recommended" in done.stdout)
+
+
 def test_a_rule_needs_no_search_and_removes_old_pictures(tmp_path: Path, paper_fmu: Path) -> None:
     (tmp_path / "convergence.png").write_bytes(b"of an earlier run")
     done = tune("--fmu", paper_fmu, "--method", "zn", "--objective", "mse", "--out", ".", cwd=tmp_path)

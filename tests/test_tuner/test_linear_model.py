@@ -102,6 +102,16 @@ def test_a_setpoint_out_of_reach_is_named(linear_plant: Callable[..., Plant], se
         find_operating_point(linear_plant([1.0], [0.1, 1.0]), setpoint_um, SAMPLING, LIMITS)
 
 
+@pytest.mark.parametrize(("times", "asked"), [(1000.0, "mm for µm"), (1.4, "")])
+def test_a_setpoint_a_power_of_ten_out_of_reach_may_be_one_of_another_unit(
+    linear_plant: Callable[..., Plant], times: float, asked: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        find_operating_point(linear_plant([1.0], [0.1, 1.0]), 50.0 * times, SAMPLING, LIMITS)
+    remedy = str(refused.value).partition("other bounds of the command (--voltage-limits)")[2]
+    assert asked in remedy if asked else remedy == ""
+
+
 def test_the_ends_of_the_range_are_within_reach(linear_plant: Callable[..., Plant]) -> None:
     plant = linear_plant([1.0], [0.02, 1.0])
     assert find_operating_point(plant, 50.0, SAMPLING, LIMITS).voltage_V == 50.0
