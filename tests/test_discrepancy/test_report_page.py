@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from reported_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.diagnosis_json import outcome
@@ -22,7 +23,7 @@ from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.page import gap_bars, report_page
 from bender_discrepancy.report.residual_pictures import banded_density
 from bender_plant.model import load_model
-from bender_report.chart import inline
+from bender_report.chart import inline, plain_logarithmic
 from bender_report.palette import TOKENS
 from bender_report.wording import figure, listed, percent, plain, quantity, uncertain
 
@@ -235,3 +236,13 @@ def test_a_figure_is_the_number_to_three_digits(value: float):
 def test_words_of_a_list():
     assert (listed([]), listed(["a"]), listed(["a", "b", "c"], "or")) == ("", "a", "a, b or c")
     assert plain("−3 µm → 2 × 10⁻⁵ V²") == "-3 um -> 2e-5 V2"
+
+
+@pytest.mark.parametrize("low", [1e-3, 0.0098, 0.11])
+@pytest.mark.parametrize("ratio", [20.0, 51.0, 250.0, 2e3, 1e6])
+def test_a_logarithmic_axis_has_three_labels_and_no_more_than_eight(low: float, ratio: float) -> None:
+    axes = Figure().subplots()
+    axes.loglog([low, low * ratio], [1.0, 2e4])
+    plain_logarithmic(axes)
+    first, last = axes.get_xlim()
+    assert 3 <= sum(first <= x <= last for x in axes.get_xticks()) <= 8
