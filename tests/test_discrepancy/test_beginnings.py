@@ -129,7 +129,7 @@ def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     (seen,) = found.problem.observations
     assert seen.start != "rest"
     (said,) = [x for x in warnings(find(found)) if "begins in motion" in x]
-    assert "are not counted" in said
+    assert "left out" in said
     assert set_aside(found)[0].lost == 0
 
 

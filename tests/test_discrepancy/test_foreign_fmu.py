@@ -333,7 +333,7 @@ def test_what_acts_inside_a_linear_fmu_stands_beside_it(tmp_path: Path):
     assert found.stand_in.beside
     assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
     assert found.gap.before.rms_um > 5.0 * found.gap.floor_um
-    assert any("stand beside the original" in x for x in found.stand_in.sentences())
+    assert any("acts inside the FMU" in x for x in found.stand_in.sentences())
 
 
 @pytest.mark.slow
