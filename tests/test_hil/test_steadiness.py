@@ -21,8 +21,8 @@ from bender_hil.runner.steadiness import (
     UnsteadyError,
     ceiling_s,
     facts,
+    limits_sentence,
     steadied,
-    told,
     watched_at_rest,
 )
 from bender_hil.runner.tip_camera import Sight
@@ -88,7 +88,7 @@ def test_a_slow_sensor_is_watched_for_longer_and_one_that_gives_nothing_is_refus
 
 def test_on_a_calm_machine_the_limits_are_the_defaults():
     assert steadied(FOLLOWING, CALM).guard == GuardSettings()
-    assert told(CALM, GuardSettings()) == (
+    assert limits_sentence(CALM, GuardSettings()) == (
         "at rest the newest reading is up to 47 ms old (usually 40 ms), the controller silent for up to 25 ms; the "
         "guard ends the run at 110 ms and 100 ms"
     )
@@ -149,7 +149,7 @@ def test_a_run_is_judged_at_rest_unless_its_file_sets_both_limits_or_the_source_
     program, said = OpenLoop(Voltages((0.0,), (0.0,), 1.0)), []
     bench, at_rest = runner._steadied(FOLLOWING, program, PlannedEyes([]), said.append)
     assert (bench, at_rest) == (FOLLOWING, facts(CALM, GuardSettings()))
-    assert said == [told(CALM, GuardSettings())]
+    assert said == [limits_sentence(CALM, GuardSettings())]
     buffered = Buffered(program.voltages, 100.0)
     for case in ((BenchFile(), program), (FOLLOWING, buffered)):
         assert runner._steadied(*case, PlannedEyes([]), said.append) == (case[0], None)

@@ -217,7 +217,7 @@ def _steadied(
         seen = steadiness.watched_at_rest(eyes, steadiness.FEWEST if "frame_age_s" in bench.follows_sensor else 0)
     bench = steadiness.steadied(bench, seen)
     if tell is not None:
-        tell(steadiness.told(seen, bench.guard))
+        tell(steadiness.limits_sentence(seen, bench.guard))
     return bench, steadiness.facts(seen, bench.guard)
 
 

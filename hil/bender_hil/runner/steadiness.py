@@ -130,7 +130,7 @@ def steadied(bench: BenchFile, seen: Steadiness) -> BenchFile:
     return replace(bench, guard=guard)
 
 
-def told(seen: Steadiness, limits: GuardSettings) -> str:
+def limits_sentence(seen: Steadiness, limits: GuardSettings) -> str:
     """Return what was seen at rest and what the guard allows, as a line."""
     return (
         f"at rest the newest reading is up to {_ms(seen.largest_age_s)} old (usually {_ms(seen.usual_age_s)}), the "
