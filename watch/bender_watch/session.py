@@ -40,7 +40,7 @@ from bender_watch.watcher import Event, Tell, Watcher
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
 LOCK = ".lock"
 SAVED_EVERY_S = 5.0
-FORMAT = 6
+FORMAT = 7
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 
@@ -180,9 +180,17 @@ class Session:
         self.watcher = self._watcher(self.model, training, name)
         self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts()})
 
-    def _watcher(self, model: "Model | OfFmu", training: Record, name: str, like: Signatures | None = None) -> Watcher:
+    def _watcher(
+        self,
+        model: "Model | OfFmu",
+        training: Record,
+        name: str,
+        like: Signatures | None = None,
+        *,
+        drifts: bool = False,
+    ) -> Watcher:
         every, linear = self.settings.rows_between_false_alarms, self.settings.linear
-        baseline = learn(model, training, every, linear=linear, name=name, tell=self.tell, like=like)
+        baseline = learn(model, training, every, linear=linear, name=name, tell=self.tell, like=like, drifts=drifts)
         own = model if isinstance(model, Model) else None
         return Watcher(own, training, baseline, self.settings, self.loop, self.tell, self._seen)
 
@@ -263,8 +271,8 @@ class Session:
             name.removeprefix("training."): x for name, x in arrays.items() if name.startswith("training.")
         }
         model = model_from_table(header["facts"]["model"])
-        like = Signatures.of(header["facts"]["signatures"])
-        self.watcher = self._watcher(model, Record(**columns), "the training record", like)
+        like, drifts = Signatures.of(header["facts"]["signatures"]), header["facts"]["drift_s"] is not None
+        self.watcher = self._watcher(model, Record(**columns), "the training record", like, drifts=drifts)
         self.watcher.restore(header["facts"], arrays)
         self.source.position = self._position = header["position"]
         self._size, self._record, self.events = header["events"], header["record"], header["kept"]

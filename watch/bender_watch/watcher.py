@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
@@ -22,12 +23,13 @@ from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_cl
 from bender_watch.alarm.still import ADVICE, NO_READING, is_still, moves, repeats_of, silent_after
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
+from bender_watch.baseline.drift import SLOPES
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
 from bender_watch.follow.rows import Rows
 from bender_watch.held import Block, Pending
 from bender_watch.lane import Lane
-from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance
+from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance, Judged
 from bender_watch.settings import Settings
 from bender_watch.trend import OF, SIGNIFICANT, Trend, Trends
 
@@ -105,6 +107,7 @@ class Watcher:
     _opening: Array = field(init=False)
     _deviations: Array = field(default_factory=lambda: np.zeros(UNKNOWNS), init=False)
     _moved: Array = field(init=False)
+    _behind_s: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         self.lane, self.trends, self._moved = Lane(), Trends(), np.zeros(2)
@@ -113,29 +116,41 @@ class Watcher:
         self._take_baseline(self.baseline, 0.0)
 
     def _take_baseline(self, baseline: Baseline, level_um: float) -> None:
-        self.baseline, self._opening = baseline, np.zeros((0, 4 + UNKNOWNS))
-        self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS)
-        self.detector.take_known(np.append(level_um, baseline.past), np.zeros((UNKNOWNS, UNKNOWNS)))
+        self.baseline, self._opening = baseline, np.zeros((0, 4 + UNKNOWNS + SLOPES))
+        self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS + SLOPES, SLOPES)
+        known, drift = np.append(level_um, baseline.past), baseline.drift
+        self._take_known(known, np.zeros((UNKNOWNS, UNKNOWNS)), drift.slopes, drift.covariance)
         self.history = History(len(baseline.tests.names))
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""
-        rest = starts_at_rest(first.voltage_V[:2]) or self._reads_rest(first.part(slice(0, 1)))
         time_s, voltage_V = float(first.time_s[0]), float(first.voltage_V[0])
+        # a clock that was set back goes on where it was
+        self._behind_s += max(self._last[0] - time_s, 0.0) if self._last else 0.0
+        rest = starts_at_rest(first.voltage_V[:2]) or self._reads_rest(first.part(slice(0, 1)))
         stood = rest and not self._moved_before(first.part(slice(0, 1)))
         for begun in (self.baseline.expectation, self.baseline.beginning):
             begun.begin(time_s, voltage_V, rest=rest)
         settling = settling_rows(stood, self.baseline.rows)
-        self._last, self._opening = None, np.zeros((0, 4 + UNKNOWNS))
+        self._last, self._opening = None, np.zeros((0, 4 + UNKNOWNS + SLOPES))
         # nobody looks at the past of an FMU: its course is over before its level is looked at
         self._unjudged = settling if self.model is not None else 2 * settling
         self.history.clear()
         self.detector.reset()
         self._deviations = np.append(0.0 if rest else ANY_LEVEL * self.baseline.noise_um, np.full(COUNT, AMPLITUDE))
-        self.detector.take_known(
-            np.zeros(UNKNOWNS), np.diag(self._deviations**2) if stood else np.zeros((UNKNOWNS, UNKNOWNS))
-        )
+        unknown = np.diag(self._deviations**2) if stood else np.zeros((UNKNOWNS, UNKNOWNS))
+        self._take_known(np.zeros(UNKNOWNS), unknown, *self._drift)
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
+
+    def _take_known(self, amplitudes: Array, covariance: Array, slopes: Array, of_slopes: Array) -> None:
+        """Take what is known of a record (its level, what came before it), and of the drift beside it."""
+        every = np.array(block_diag(covariance, of_slopes), dtype=np.float64)
+        self.detector.take_known(np.append(amplitudes, slopes), every)
+
+    @property
+    def _drift(self) -> tuple[Array, Array]:
+        """What is known of the drift: its slopes, and their covariance."""
+        return self.detector.amplitudes[-SLOPES:].copy(), self.detector.covariance[-SLOPES:, -SLOPES:].copy()
 
     def _moved_before(self, first: Rows) -> bool:
         """Return whether a record that begins at 0 V reads what only a motion shortly before it can have left."""
@@ -144,7 +159,8 @@ class Watcher:
             begun.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=True)
         expected, _ = base.expectation.advance(first.time_s, first.voltage_V, first.command_time_s)
         left = float(np.max(np.abs(base.beginning.advance(first.time_s, first.voltage_V, first.command_time_s))))
-        off = abs(float(base.residual_um(first.displacement_um, expected)[0]))
+        drift_um = base.drift.columns_um(first.time_s + self._behind_s, expected) @ self._drift[0]
+        off = abs(float((base.residual_um(first.displacement_um, expected) - drift_um)[0]))
         noticed = FAR * base.noise_um
         return left > noticed if np.isnan(off) else off > noticed and left > LEFT_BY_A_PAST * off
 
@@ -191,11 +207,12 @@ class Watcher:
             "model": None if self.model is None else self.model.to_table(),
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "is_outside": self._is_outside,
-            "inside": self._inside,
+            "inside": self._inside, "behind_s": self._behind_s,
             "told": sorted(self._told), "trends": self.trends.state(), "moved": self._moved.tolist(),
             "deviations": self._deviations.tolist(),
             "silence": [self._silent_rows, self._silent_after, self._repeats],
-            "offset_um": self.baseline.offset_um, "signatures": self.baseline.signatures.to_dict(),
+            "offset_um": self.baseline.offset_um, "drift_s": self.baseline.drift.followed_s,
+            "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
             if pending is None
@@ -217,12 +234,13 @@ class Watcher:
         self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._is_outside = facts["unjudged"], facts["is_outside"]
-        self._inside = facts["inside"]
+        self._inside, self._behind_s = facts["inside"], facts["behind_s"]
         self._told, self._moved = set(facts["told"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
         self._silent_rows, self._silent_after, self._repeats = facts["silence"]
         self.trends.restore(facts["trends"])
-        self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
+        drift = replace(self.baseline.drift, middle_s=facts["drift_s"] or 0.0)
+        self.baseline = replace(self.baseline, offset_um=facts["offset_um"], drift=drift)
         if facts["pending"] is not None:
             event, exceedance, *rows = facts["pending"]
             self._pending = Pending(event, Exceedance(**exceedance), *rows)
@@ -244,7 +262,8 @@ class Watcher:
             raise InputError(f"row {self.rows + 1}: {error}") from None
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
-        columns = np.column_stack([np.ones(len(rows)), pasts, doubt_of(pasts, base.noise_um)])
+        drift = base.drift.columns_um(rows.time_s + self._behind_s, expected)
+        columns = np.column_stack([np.ones(len(rows)), pasts, drift, doubt_of(pasts, base.noise_um)])
         block = Block(
             rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
             columns, base.spread(expected, before_um, steps), base.range.outside(rows.voltage_V, expected),
@@ -276,7 +295,7 @@ class Watcher:
             found = self.detector.judge(residual, block.signatures_um, own, block.spread, begin, block.columns_um)
             part = slice(begin, len(rows) if found.exceedance is None else found.exceedance.row + 1)
             seen = rows.part(part)
-            self._remember(seen, block.expected_um[part], found.innovations[part], kinds[part], found.whitened[part])
+            self._remember(seen, block.expected_um[part], found, kinds, part)
             for taken in (self.lane.add, self.seen):
                 taken(seen.time_s, found.innovations[part], found.tops[part])
             self.judged += found.rows
@@ -304,10 +323,10 @@ class Watcher:
             yield from self._explained()
         yield from self._trends()
 
-    def _remember(self, rows: Rows, expected: Array, e: Array, kinds: NDArray[np.int64], whitened: Array) -> None:
-        count = len(rows)
+    def _remember(self, rows: Rows, expected: Array, found: Judged, kinds: NDArray[np.int64], part: slice) -> None:
+        count, e, whitened = len(rows), found.innovations[part], found.whitened[part]
         lost = np.isnan(rows.displacement_um)
-        judged = (kinds % GAP == JUDGED) & ~lost
+        judged = (kinds[part] % GAP == JUDGED) & ~lost
         columns = {
             "row": self.rows + 1.0 + np.arange(count),
             "time_s": rows.time_s,
@@ -322,7 +341,8 @@ class Watcher:
         self.rows += count
         self.lost += int(lost.sum())
         if self._pending is None:
-            self._add_to_trends(rows.time_s[judged], np.clip(e[judged], -CLIP, CLIP), whitened[judged])
+            own = np.clip(e, -CLIP, CLIP) + found.drifts[part]
+            self._add_to_trends(rows.time_s[judged] + self._behind_s, own[judged], whitened[judged])
 
     def _add_to_trends(self, time_s: Array, e: Array, whitened: Array) -> None:
         """Add rows to the trends as if nothing but the level of a record had ever been taken for normal."""
@@ -354,12 +374,13 @@ class Watcher:
     def _open(self) -> None:
         """Take from the first rows what nobody knew before them: the level of this record, and what came before it."""
         rows = self._opening if self.model is not None else self._opening[len(self._opening) // 2 :]
-        residual, spread, gaps, columns, doubt = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:-1], rows[:, -1]
+        residual, spread, gaps, columns = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3 : 3 + UNKNOWNS]
+        drift, doubt = rows[:, 3 + UNKNOWNS : -1], rows[:, -1]
         spread = spread * np.hypot(1.0, doubt)
         usable = np.isfinite(residual)
-        every = np.column_stack([residual, columns])
+        every = np.column_stack([residual - drift @ self._drift[0], columns])
         white = whitened_rows(self.baseline.noise, every, usable, spread, np.flatnonzero(gaps).tolist())[usable]
-        self.detector.take_known(*fitted(white[:, 0], white[:, 1:], self._deviations))
+        self._take_known(*fitted(white[:, 0], white[:, 1:], self._deviations), *self._drift)
         self.detector.reset()
         self._opening = self._opening[:0]
 
@@ -555,6 +576,7 @@ class Watcher:
             linear=self.settings.linear,
             tell=self.tell,
             like=self.baseline.signatures if model is self.model else None,
+            drifts=True,
         )
 
     def _go_on(self, model: Model | None, first: int, training: Record, learned: Baseline) -> None:
@@ -569,7 +591,8 @@ class Watcher:
         columns = np.column_stack([np.ones(before.size), before])
         self._moved = self._moved + np.linalg.lstsq(columns, self.baseline.residual_um(now, before), rcond=None)[0]
         self.model, self.training = model, training
-        self._take_baseline(replace(learned, offset_um=learned.offset_um - level_um), level_um)
+        drift = learned.drift.later(self._behind_s)
+        self._take_baseline(replace(learned, offset_um=learned.offset_um - level_um, drift=drift), level_um)
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""

@@ -15,6 +15,7 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model, model_from_table
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, Beginning
 from bender_watch.baseline.candidates import candidates
+from bender_watch.baseline.drift import SLOPES, Drift
 from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
 from bender_watch.baseline.signatures import Group, distinct_groups
@@ -109,6 +110,7 @@ class Baseline:
         rest: whether the training record begins at rest.
         beginning: what came before a record; here at the end of the training record.
         past: (COUNT,) amplitudes of what came before the training record.
+        drift: of level and gain, that is followed.
         grows_only: (j,) signatures of effects that are there or not, with one sign only.
     """
 
@@ -128,6 +130,7 @@ class Baseline:
     grows_only: NDArray[np.bool_]
     beginning: Beginning
     past: Array
+    drift: Drift
 
     @property
     def signatures(self) -> Signatures:
@@ -192,6 +195,7 @@ def learn(
     name: str = "the training record",
     tell: Tell = lambda _: None,
     like: Signatures | None = None,
+    drifts: bool = False,
 ) -> Baseline:
     """Return the baseline of a model and its training record.
 
@@ -203,6 +207,7 @@ def learn(
         name: of the record, for messages.
         tell: is told what is being done.
         like: signatures learned for the same model; None to choose those that the record distinguishes.
+        drifts: level and gain may be moving along straight lines.
 
     Raises:
         InputError: too few rows, or the model explains nothing of them.
@@ -219,8 +224,12 @@ def learn(
     read = usable.copy()
     usable[: settling_rows(rest, len(record))] = False
     beginning, pasts = _pasts(model if isinstance(model, Model) else None, record, linear=linear, rest=rest)
-    gain, offset, past = _calibration(expected, record.displacement_um, usable, pasts)
-    residual = record.displacement_um - offset - gain * expected - pasts @ past
+    drift = Drift.over(record.time_s[usable]) if drifts else Drift()
+    columns = np.column_stack([expected, np.ones(expected.size), pasts, drift.columns_um(record.time_s, expected)])
+    deviations = _deviations(record.displacement_um[usable], expected)
+    found = _calibration(columns, record.displacement_um, usable, deviations)
+    gain, offset = found[:2].tolist()
+    residual = record.displacement_um - columns @ found
     noise, kept, spread, jitter_s = _noise(record, expected, residual, usable)
     white = _Whitened(noise, kept, spread)
     full, groups, one_sided = plain, [Group(k, (x,)) for k, x in enumerate(("offset", "gain_error", *OF_FMU))], []
@@ -241,6 +250,9 @@ def learn(
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
     tests = _tests(titles, white, residual, shapes * scales, sides, rows_between_false_alarms)
+    if drifts:
+        covariance = _covariance_of_slopes(white.of(columns), deviations, scales, tests)
+        drift = replace(drift, slopes=found[-SLOPES:], covariance=covariance)
     if noise.spreads_um[-1] <= _least_um(expected):
         # what lies below the least noise is quieter than that from the beginning
         tests = replace(tests, cusum_limits=np.append(tests.cusum_limits[:-1], np.inf))
@@ -248,7 +260,7 @@ def learn(
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
         jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
-        np.array(only or [False] * len(titles)), beginning, past,
+        np.array(only or [False] * len(titles)), beginning, found[2:-SLOPES], drift,
     )  # fmt: skip
     tell("holding the tests against the training record itself")
     return _quiet_on_training(baseline, residual, shapes * scales, usable, spread)
@@ -347,22 +359,39 @@ def _pasts(model: Model | None, record: Record, *, linear: bool, rest: bool) -> 
     return beginning, beginning.advance(record.time_s, record.voltage_V, record.command_time_s)
 
 
-def _calibration(expected: Array, measured: Array, usable: Mask, pasts: Array) -> tuple[float, float, Array]:
-    """Return gain and offset of the reading by least squares and the amplitudes of the pasts, outlying rows set aside.
+def _deviations(readings_um: Array, expected: Array) -> Array:
+    """Return the deviations beforehand of gain, level, pasts, and slopes: no more than all that was read, all gain."""
+    span_um = max(float(np.ptp(readings_um)), _least_um(expected))
+    return np.array([np.inf, np.inf, *[AMPLITUDE] * COUNT, span_um, 1.0])
 
-    The amplitudes of the pasts are known beforehand to be about 1.
+
+def _calibration(columns: Array, measured: Array, usable: Mask, deviations: Array) -> Array:
+    """Return the amplitudes (j,) of the columns (n, j) in a reading by least squares, outlying rows set aside.
+
+    Beforehand they are known to be within their deviations (j,) of nought.
     """
     kept = usable.copy()
-    beforehand = np.column_stack([np.zeros((COUNT, 2)), np.eye(COUNT) / AMPLITUDE])
-    found, spread = np.zeros(2 + COUNT), 0.0
+    beforehand = np.diag(1.0 / deviations)
+    found, spread = np.zeros(deviations.size), 0.0
     for _ in range(5):
-        columns = np.column_stack([expected[kept], np.ones(int(kept.sum())), pasts[kept]])
-        own = np.concatenate([columns, max(spread, 1e-9) * beforehand])
-        found = np.linalg.lstsq(own, np.append(measured[kept], np.zeros(COUNT)), rcond=None)[0]
-        left = np.where(usable, measured - np.column_stack([expected, np.ones(expected.size), pasts]) @ found, 0.0)
+        own = np.concatenate([columns[kept], max(spread, 1e-9) * beforehand])
+        found = np.linalg.lstsq(own, np.append(measured[kept], np.zeros(deviations.size)), rcond=None)[0]
+        left = np.where(usable, measured - columns @ found, 0.0)
         spread = 1.4826 * float(np.median(np.abs(left[kept])))
         kept = usable & (np.abs(left) <= 6.0 * spread + 1e-12)
-    return float(found[0]), float(found[1]), found[2:].astype(np.float64)
+    return found.astype(np.float64)
+
+
+def _covariance_of_slopes(whitened: Array, deviations: Array, scales: Array, tests: Tests) -> Array:
+    """Return the covariance of level and gain per length, the last columns (n, j), whatever the others are.
+
+    Where the residual is no noise of one kind, it is wider as the tests are for level and gain of unit size.
+    """
+    normal = whitened.T @ whitened + np.diag(1.0 / deviations**2)
+    own = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)[-SLOPES:, -SLOPES:]
+    information = np.sum((whitened[:, 1::-1] * scales[:SLOPES]) ** 2, axis=0)
+    wider = np.sqrt(tests.inflations[:SLOPES] * (1.0 + tests.allowances[:SLOPES] ** 2 * information))
+    return (own * np.outer(wider, wider)).astype(np.float64)
 
 
 def _jitter_s(e: Array, rate_um_per_s: Array, noise: Noise) -> float:

@@ -145,6 +145,7 @@ class Judged:
 
     Attributes:
         innovations: (n,) whitened residual, NaN where no reading came.
+        drifts: (n,) what the drift that is followed has taken from the innovations.
         whitened: (n, j) whitened signatures.
         tops: (n,) largest statistic over its threshold, 0 where the row is not judged.
         rows: of the stretch that were judged, up to an exceedance.
@@ -152,6 +153,7 @@ class Judged:
     """
 
     innovations: Array
+    drifts: Array
     whitened: Array
     tops: Array
     rows: int
@@ -165,12 +167,14 @@ class Detector:
     Attributes:
         noise: of the training record.
         tests: what is tested.
-        unknowns: columns that are not known of a record.
+        unknowns: columns that are not known.
+        followed: of them, the last ones, which are a drift.
     """
 
     noise: Noise
     tests: Tests
     unknowns: int = 0
+    followed: int = 0
     _arrays: dict[str, NDArray[Any]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -203,6 +207,11 @@ class Detector:
         """What is known of the columns (unknowns,)."""
         return self._arrays["amplitudes"]
 
+    @property
+    def covariance(self) -> Array:
+        """How well it is known (unknowns, unknowns)."""
+        return self._arrays["covariance"]
+
     def take_known(self, amplitudes: Array, covariance: Array) -> None:
         """Begin with what is known of the columns; what was read before foretells nothing."""
         self._arrays["amplitudes"][:], self._arrays["covariance"][:] = amplitudes, covariance
@@ -228,19 +237,21 @@ class Detector:
                 deviations of the noise a row may be off beside them; None for nothing.
         """
         rows, size = residual_um.size, len(self.tests.names)
-        innovations, whitened, tops = np.full(rows, np.nan), np.zeros((rows, size)), np.zeros(rows)
+        innovations, whitened = np.full(rows, np.nan), np.zeros((rows, size))
+        drifts, tops = np.zeros(rows), np.zeros(rows)
         x, tests = self._arrays, self.tests
         before = int(x["counts"][1])
         columns = np.zeros((rows, self.unknowns + 1)) if columns_um is None else columns_um
         row = detector_run()(
-            begin, residual_um, signatures_um, columns, kinds, spread, self.noise.coefficients, self.noise.spreads_um,
-            x["past"], x["past_signatures"], x["past_columns"], x["amplitudes"], x["covariance"], x["counts"], CLIP,
-            QUIET_CLIP, x["sums"], x["informations"], x["ring_sums"], x["ring_informations"], x["ring_filled"],
-            x["cusums"], x["cusum_since"], tests.allowances, tests.inflations, tests.one_sided, tests.cusum_limits,
-            tests.glr_limits, innovations, whitened, tops, x["alarm"],
+            begin, residual_um, signatures_um, columns, self.followed, kinds, spread, self.noise.coefficients,
+            self.noise.spreads_um, x["past"], x["past_signatures"], x["past_columns"], x["amplitudes"],
+            x["covariance"], x["counts"], CLIP, QUIET_CLIP, x["sums"], x["informations"], x["ring_sums"],
+            x["ring_informations"], x["ring_filled"], x["cusums"], x["cusum_since"], tests.allowances,
+            tests.inflations, tests.one_sided, tests.cusum_limits, tests.glr_limits, innovations, drifts, whitened,
+            tops, x["alarm"],
         )  # fmt: skip
         judged = int(x["counts"][1]) - before
-        return Judged(innovations, whitened, tops, judged, None if row < 0 else self._exceedance(row))
+        return Judged(innovations, drifts, whitened, tops, judged, None if row < 0 else self._exceedance(row))
 
     def _exceedance(self, row: int) -> Exceedance:
         _, which, rows, statistic = self._arrays["alarm"][:4].tolist()

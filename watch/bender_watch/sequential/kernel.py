@@ -15,7 +15,8 @@ at multiples of a fourth of w: sums at these places are all that is remembered.
 
 What is not known of a record (its level, what came before it) is a regression on known columns u_k beside the noise: e
 is its recursive residual (Brown, Durbin and Evans, JRSS B 37, 1975), (e - u a) / sqrt(1 + u P u) with the estimate a of
-the rows before and its covariance P, and white of unit variance whatever the amplitudes are.
+the rows before and its covariance P, and white of unit variance whatever the amplitudes are. The last columns may be a
+drift that is followed: its part of u a is given back, so that it is not lost for whoever asks what the drift is.
 """
 
 from collections.abc import Callable
@@ -69,11 +70,15 @@ def window_variance(information: float, allowance: float, inflation: float) -> f
 
 def project(covariance: Any, column: Any, found: Any) -> float:
     """Put the product of a covariance with a column into `found`; return that with the column once more."""
-    total = 0.0
     for i in range(len(column)):
         found[i] = 0.0
-        for j in range(len(column)):
-            found[i] += covariance[i, j] * column[j]
+    for j in range(len(column)):
+        # of most rows most are nought: pasts have faded
+        if column[j] != 0.0:
+            for i in range(len(column)):
+                found[i] += covariance[i, j] * column[j]
+    total = 0.0
+    for i in range(len(column)):
         total += column[i] * found[i]
     return total
 
@@ -81,19 +86,20 @@ def project(covariance: Any, column: Any, found: Any) -> float:
 def learn_unknown(amplitudes: Any, covariance: Any, projected: Any, wide: float, score: float) -> float:
     """Take a row of a regression: `wide` is the deviation of what was foretold of it, `score` what it was off by."""
     for i in range(len(amplitudes)):
-        amplitudes[i] += projected[i] * score / wide
-        for j in range(len(amplitudes)):
-            covariance[i, j] -= projected[i] * projected[j] / (wide * wide)
+        if projected[i] != 0.0:
+            amplitudes[i] += projected[i] * score / wide
+            for j in range(len(amplitudes)):
+                covariance[i, j] -= projected[i] * projected[j] / (wide * wide)
     return score
 
 
 _RUN = """
 @njit(cache=True, nogil=True)
 def run(
-    begin, residual, signatures, columns, state_of_row, spread_of_row, coefficients, spreads, past, past_signatures,
-    past_columns, amplitudes, covariance, counts, clip, quiet_clip, sums, informations, ring_sums, ring_informations,
-    ring_filled, cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits, innovations,
-    whitened, tops, alarm,
+    begin, residual, signatures, columns, followed, state_of_row, spread_of_row, coefficients, spreads, past,
+    past_signatures, past_columns, amplitudes, covariance, counts, clip, quiet_clip, sums, informations, ring_sums,
+    ring_informations, ring_filled, cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits,
+    innovations, drifts, whitened, tops, alarm,
 ):
     rows, size, unknowns = residual.size, signatures.shape[1], columns.shape[1] - 1
     u, projected = np.zeros(unknowns), np.zeros(unknowns)
@@ -103,7 +109,7 @@ def run(
         state = state_of_row[k]
         if state >= GAP:
             counts[0] = 0
-        innovations[k], tops[k] = np.nan, 0.0
+        innovations[k], drifts[k], tops[k] = np.nan, 0.0, 0.0
         if residual[k] != residual[k]:
             counts[0] = 0
             counts[2] = 0
@@ -113,11 +119,13 @@ def run(
         seen = counts[0]
         spread = spreads[seen] * spread_of_row[k]
         expected = whiten(coefficients, past, seen)
-        known = 0.0
+        known = drift = 0.0
         for j in range(unknowns):
             u[j] = (columns[k, j] - whiten(coefficients, past_columns[j], seen)) / spread
             remember(past_columns[j], columns[k, j])
             known += u[j] * amplitudes[j]
+            if j >= unknowns - followed:
+                drift += u[j] * amplitudes[j]
         wide = math.sqrt(1.0 + max(project(covariance, u, projected), 0.0) + columns[k, unknowns] ** 2)
         e = ((residual[k] - expected) / spread - known) / wide
         score = min(max(e, -clip), clip)
@@ -130,7 +138,7 @@ def run(
             whitened[k, j] = alarm[8 + lag] if counts[2] > lag else 0.0
         remember(past, expected + (known + score * wide) * spread)
         counts[0] = min(seen + 1, order)
-        innovations[k] = e
+        innovations[k], drifts[k] = e, drift / wide
         for lag in range(whitened.shape[1] - size - 1, 0, -1):
             alarm[8 + lag] = alarm[7 + lag]
         alarm[8] = score
