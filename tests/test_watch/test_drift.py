@@ -176,3 +176,15 @@ def test_a_watch_that_was_kept_goes_on_with_its_drift(known: tuple[Record, Basel
     last = record.part(slice(9000, None))
     assert [*one.take(last)] == [*other.take(last)]
     assert np.array_equal(one.trends.sums, other.trends.sums)
+
+
+def test_a_change_that_stands_is_not_followed_and_a_second_one_may_go_on(known: tuple[Record, Baseline]) -> None:
+    record = recorded(12, 9000)
+    at, later = np.arange(9000) >= 2000, np.arange(9000) >= 6000
+    read = record.displacement_um + np.where(at, 0.3, 0.0)
+    one, alarms = watched(known, replace(record, displacement_um=read))
+    assert len(alarms) == 1
+    assert one.baseline.drift.followed_s is None
+    other, alarms = watched(known, replace(record, displacement_um=read + np.where(later, 0.3, 0.0)))
+    assert len(alarms) == 2
+    assert other.baseline.drift.followed_s is not None

@@ -543,7 +543,8 @@ class Watcher:
             told |= found.to_dict()
             if self.settings.adopt and found.verdict in ("named", "likely", "recalibrated"):
                 model = found.model or self.model
-        learned = self._learned(model, first)
+        # what grows goes on, and what has changed again may: a small fade looks like a change that stands
+        learned = self._learned(model, first, drifts=onset.grows or self.alarms > 1)
         corrected = "with the corrected model" if model is not self.model else "with the rows since then as normal"
         yield told | {"goes_on": "as before" if learned is None else corrected}
         self.detector.reset()
@@ -562,7 +563,7 @@ class Watcher:
         is_last = 2 * waiting.rows > most or (is_end and len(every) == len(record))
         return found if is_last or found.is_settled(self.baseline.noise_um, white) else None
 
-    def _learned(self, model: Model | None, first: int) -> tuple[Record, Baseline] | None:
+    def _learned(self, model: Model | None, first: int, *, drifts: bool) -> tuple[Record, Baseline] | None:
         """Learn anew from the rows since a change; those before it lead to where the device is. None for too few."""
         record = record_since(self.history, 0)
         counted = (self.history.column("judged") > 0.0) & (np.arange(len(record)) >= first)
@@ -576,7 +577,7 @@ class Watcher:
             linear=self.settings.linear,
             tell=self.tell,
             like=self.baseline.signatures if model is self.model else None,
-            drifts=True,
+            drifts=drifts,
         )
 
     def _go_on(self, model: Model | None, first: int, training: Record, learned: Baseline) -> None:

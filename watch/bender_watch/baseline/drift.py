@@ -1,8 +1,8 @@
 """A change that goes on: level and gain along straight lines of time.
 
-Behind an alarm nobody knows whether what has changed stands or goes on. The slopes of level and gain are learned with
-the rest from the rows since the change; where they are not known well, the rows that follow say more of them. A device
-whose gain fades then is followed, and no alarm, until it stops fading or fades in another way.
+Behind a change that grows, and behind a second one, nobody knows whether it stands or goes on. The slopes of level and
+gain are learned with the rest from the rows since the change; where they are not known well, the rows that follow say
+more of them. A device whose gain fades then is followed, and no alarm, until it stops fading or fades in another way.
 """
 
 import math

@@ -385,12 +385,12 @@ def _calibration(columns: Array, measured: Array, usable: Mask, deviations: Arra
 def _covariance_of_slopes(whitened: Array, deviations: Array, scales: Array, tests: Tests) -> Array:
     """Return the covariance of level and gain per length, the last columns (n, j), whatever the others are.
 
-    Where the residual is no noise of one kind, it is wider as the tests are for level and gain of unit size.
+    It is as much wider than noise makes it as the amplitudes of level and gain, of unit size, are by the tests.
     """
     normal = whitened.T @ whitened + np.diag(1.0 / deviations**2)
     own = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)[-SLOPES:, -SLOPES:]
     information = np.sum((whitened[:, 1::-1] * scales[:SLOPES]) ** 2, axis=0)
-    wider = np.sqrt(tests.inflations[:SLOPES] * (1.0 + tests.allowances[:SLOPES] ** 2 * information))
+    wider = np.sqrt(tests.inflations[:SLOPES] * information) * tests.allowances[:SLOPES]
     return (own * np.outer(wider, wider)).astype(np.float64)
 
 
