@@ -4,6 +4,7 @@
 |---|---|
 | `beginning` | what came before a record |
 | `candidates` | effects of the catalogue as small changes of a model |
+| `drift` | level and gain along straight lines of time, that are followed |
 | `expectation` | expected readings and signatures, row by row: of a model, of an FMU |
 | `learn` | from a model and its training record to a baseline |
 | `noise` | the noise of a residual, whitened: predictors of every order |
