@@ -139,6 +139,7 @@ def test_a_clock_that_shows_more_changes_no_drift(middle_s: float, length_s: flo
     assert np.allclose(moved, drift.columns_um(time, np.arange(7.0)), atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begin_s", [0.0, 300.0])
 def test_a_drift_goes_on_in_the_next_record(begin_s: float, known: tuple[Record, Baseline]) -> None:
     """A clock that begins anew goes on where the record before ended."""
@@ -149,6 +150,7 @@ def test_a_drift_goes_on_in_the_next_record(begin_s: float, known: tuple[Record,
     assert watcher.trend()[0].now == pytest.approx(-0.02, abs=0.0005)
 
 
+@pytest.mark.slow
 def test_a_drift_goes_on_in_a_record_that_begins_in_motion(known: tuple[Record, Baseline]) -> None:
     second = recorded(20, 15_000, (0.01, 0.02), 300.0)
     moving = slice(1000, None)
@@ -158,6 +160,7 @@ def test_a_drift_goes_on_in_a_record_that_begins_in_motion(known: tuple[Record, 
     assert watcher.trend()[0].now == pytest.approx(-0.02, abs=0.0005)
 
 
+@pytest.mark.slow
 def test_what_a_pause_has_changed_is_an_alarm_beside_a_drift(known: tuple[Record, Baseline]) -> None:
     first, second = recorded(10, 15_000, (0.0, 0.01)), recorded(20, 6000, (0.05, 0.05), 400.0)
     alarms = watched(known, first, second)[1]
