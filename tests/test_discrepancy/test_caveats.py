@@ -7,6 +7,7 @@ import pytest
 from reported_diagnosis import record_of, told
 
 from bender_discrepancy.conclusion.findings import find, span_of
+from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.conclusion.numbers import number
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.design import Experiment
@@ -52,3 +53,19 @@ def test_an_experiment_decides_where_rivals_differ_by_more_than_noise_and_the_un
 ):
     found = Experiment("a staircase", np.arange(31.0), np.linspace(0.0, 50.0, 31), distance_um, 0.06, unexplained_um)
     assert found.tells_apart is decides
+
+
+@pytest.mark.parametrize(
+    ("first_s", "step_s", "untimed", "is_said"),
+    [(0.0, 1.0, False, True), (1.0, 1.0, False, True), (0.0, 1.0, True, False), (0.0, 0.5, False, False)],
+)
+def test_times_that_are_the_numbers_of_the_rows_may_be_no_seconds(
+    first_s: float, step_s: float, untimed: bool, is_said: bool
+):
+    record = record_of()
+    numbered = Record(
+        first_s + step_s * np.arange(len(record), dtype=np.float64), record.voltage_V, record.displacement_um
+    )
+    search = told([numbered], word="recalibrated")
+    found = find(replace(search, settings=replace(search.settings, untimed=untimed)))
+    assert any("numbers of the rows" in x for x in warnings(found)) is is_said

@@ -65,6 +65,20 @@ def test_a_loop_that_is_lost_where_the_voltage_turns_is_no_answer():
         assert not share.ends_without_answer(share.high)
 
 
+def test_what_comes_back_once_in_the_record_is_no_periodic_disturbance():
+    """A swing as long as the record is any slow curve."""
+    (frequency,) = [
+        x
+        for form in forms(OTHER_DEVICE)
+        for x in form.free
+        if form.effect == "periodic_disturbance" and x.name == "frequency_Hz"
+    ]
+    once_Hz = 1.0 / OTHER_DEVICE.duration_s
+    assert frequency.ends_without_answer(once_Hz)
+    assert not frequency.ends_without_answer(1.5 * once_Hz)
+    assert not frequency.ends_without_answer(frequency.high)
+
+
 def test_lags_of_another_device_reach_as_far_as_its_record():
     found = {form.effect: form.free[0] for form in forms(OTHER_DEVICE) if form.effect in ("sensor_lag", "creep")}
     day = Sizes(10.0, 5.0, 86_400.0, 0.5, piezo_bender=False, highest_Hz=0.1)

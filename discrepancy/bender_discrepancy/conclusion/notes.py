@@ -59,6 +59,7 @@ def warnings(findings: Findings) -> list[str]:
     found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _aliased(findings)
+    found += _numbered(findings.search)
     found += _of_one_record(findings)
     found += _not_following(findings)
     found += _zero_moved(findings.search)
@@ -84,6 +85,18 @@ def _beyond_its_range(search: SearchResult) -> list[str]:
         np.concatenate([x.voltage_V for x in search.records]).tolist(), search.records[0].quantities[0]
     )
     return [said] if said else []
+
+
+def _numbered(search: SearchResult) -> list[str]:
+    """Say of records whose times are the numbers of their rows that these may be no seconds."""
+    if search.settings.untimed:
+        return []
+    return [
+        f"{_name(search, k)}the times are the numbers of the rows; if they only give the order, use --untimed "
+        "(untimed=True in Python): delays, lags and creep are then not looked for"
+        for k, x in enumerate(search.records)
+        if len(x) > 1 and np.array_equal(x.time_s - x.time_s[0], np.arange(len(x)))
+    ]
 
 
 def _alternatives(findings: Findings) -> list[str]:

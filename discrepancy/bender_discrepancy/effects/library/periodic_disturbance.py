@@ -18,7 +18,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     highest_Hz = min(highest_Hz, sizes.quickest_line_Hz)
     once_Hz = 1.0 / sizes.duration_s
     # what has not come back once has not been seen to be periodic
-    frequency = Free("frequency_Hz", max(lowest_Hz, once_Hz), highest_Hz, False, (), once_Hz)
+    frequency = Free("frequency_Hz", max(lowest_Hz, once_Hz), highest_Hz, False, (), once_Hz, no_answer_at="low")
     return (simple("periodic_disturbance", sine, cosine, frequency, scan="swing"),)
 
 
