@@ -63,12 +63,32 @@ def test_a_device_of_microseconds_is_not_played_for_a_minute(monkeypatch: pytest
 
     def played(base: Model, profile: np.ndarray, step_s: float, rivals: list[Hypothesis]) -> object:
         rows.append(profile.size)
-        return experiment._Played(Drive.of_rows(step_s * np.arange(2.0), profile[:2]), 0.0, [], 0.0)
+        return experiment._Played(Drive.of_rows(step_s * np.arange(2.0), profile[:2]), 0.0, [], 0.0, 0)
 
     monkeypatch.setattr(experiment, "_played", played)
     for record_s in (0.04, 1000.0):
         design(load_model("paper"), [], NOISE_um, 8e-5, np.random.default_rng(1), record_s=record_s)
     assert max(rows) < 1.1 * experiment.MOST_ROWS
+
+
+def test_of_a_device_whose_simulation_takes_long_not_all_profiles_are_tried(monkeypatch: pytest.MonkeyPatch):
+    played: list[int] = []
+    of_one = experiment._played
+
+    def counted(base: Model, profile: np.ndarray, step_s: float, rivals: list[Hypothesis]) -> object:
+        played.append(profile.size)
+        return of_one(base, profile, step_s, rivals)
+
+    monkeypatch.setattr(experiment, "_played", counted)
+    found = []
+    for work in (experiment.MOST_WORK_SUBSTEPS, 1.0):
+        monkeypatch.setattr(experiment, "MOST_WORK_SUBSTEPS", work)
+        played.clear()
+        found.append((_after(1.0, ("source_resistance", (0.002,)), ("transport_delay", (0.002,))), len(played)))
+    (whole, all_of_them), (some, few) = found
+    assert few == 1 < all_of_them
+    assert some.distance_um > 0.0
+    assert whole.contrast >= some.contrast
 
 
 def test_no_voltage_is_said_to_tell_only_after_all_were_tried():

@@ -43,6 +43,8 @@ CLEARLY = 1.0
 # times longer than the records: profiles are hastened
 FAR_SHORTER = 2.0
 MOST_ROWS = 50_000
+# simulated for all profiles together before no further one is tried; a million take some 0.2 s of one core
+MOST_WORK_SUBSTEPS = 6e7
 # rivals that differ by less than this part of the noise cannot be told apart by any length of such a record
 TELLING = 0.05
 
@@ -100,12 +102,21 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Played:
-    """A profile as the rivals answer it; `gap_um` is what the model as given leaves of the best one's readings."""
+    """A profile as the rivals answer it.
+
+    Attributes:
+        drive: of the profile.
+        distance_um: of the closest two rivals, as they stand.
+        readings: of every rival.
+        gap_um: what the model as given leaves of the best one's readings.
+        work_substeps: that were simulated.
+    """
 
     drive: Drive
     distance_um: float
     readings: list[Array]
     gap_um: float
+    work_substeps: int
 
     def named(self, pattern: str, left_um: float, noise_um: float, unexplained: float) -> Experiment:
         """Return the profile as an experiment.
@@ -134,9 +145,10 @@ def _played(base: Model, profile: Array, step_s: float, rivals: Sequence[Hypothe
     try:
         readings = [simulator.run(rival.model(base)).reading_um for rival in rivals]
     except (ModelError, ArithmeticError):
-        return _Played(drive, 0.0, [], 0.0)
+        return _Played(drive, 0.0, [], 0.0, simulator.simulated)
     distances = [_rms_apart(a, b) for i, a in enumerate(readings) for b in readings[i + 1 :]]
-    return _Played(drive, min(distances, default=0.0), readings, _gap_um(simulator, base, readings[0]))
+    gap_um = _gap_um(simulator, base, readings[0])
+    return _Played(drive, min(distances, default=0.0), readings, gap_um, simulator.simulated)
 
 
 def _gap_um(simulator: Simulator, base: Model, reading_um: Array) -> float:
@@ -147,13 +159,15 @@ def _gap_um(simulator: Simulator, base: Model, reading_um: Array) -> float:
         return 0.0
 
 
-def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readings: Sequence[Array]) -> float:
-    """Return the smallest rms that a rival leaves of another one's readings after it was fitted to them."""
+def _after_refit(base: Model, played: _Played, rivals: Sequence[Hypothesis]) -> tuple[float, int]:
+    """Return the smallest rms that a rival leaves of another one's readings once fitted to them, and the sub-steps."""
+    drive, readings = played.drive, played.readings
     everything = np.ones(drive.row_time_s.size, dtype=bool)
     benches = [problem_of(base, (Observations(drive, x, everything, ~everything, ~everything),)) for x in readings]
     pairs = [(bench, rival) for i, bench in enumerate(benches) for j, rival in enumerate(rivals) if i != j]
     fits = parallel_map(lambda pair: fit(*pair, most_evaluations=6), pairs)
-    return min((math.sqrt(x.training_square / drive.row_time_s.size) for x in fits if x is not None), default=0.0)
+    left_um = min((math.sqrt(x.training_square / drive.row_time_s.size) for x in fits if x is not None), default=0.0)
+    return left_um, sum(x.work_substeps for x in benches)
 
 
 def _sweeps(sine: Sine | None, bounds: Limits) -> dict[str, Sine]:
@@ -179,6 +193,7 @@ def design(
 
     After records of one sine, its amplitude growing and other frequencies are enough where they separate the rivals
     by far: a rig that plays sines can play them. Voltages that it has seen go before the whole range of the bench.
+    Of a device whose simulation takes long, not all profiles are tried.
 
     Args:
         base: the model as given.
@@ -195,26 +210,48 @@ def design(
     bounds = limits or Limits()
     for name, swept in _sweeps(sine, bounds).items():
         played = _played(base, within(ramp_and_frequencies(step_s, swept), bounds, step_s), step_s, rivals)
-        left = _after_refit(base, played.drive, rivals, played.readings) if played.distance_um else 0.0
+        left, _ = _after_refit(base, played, rivals) if played.distance_um else (0.0, 0)
         found = played.named(name, left, noise_um, unexplained)
         if found.distance_um > ENOUGH * noise_um and found.tells_apart:
             return found
     best: Experiment | None = None
+    work = 0
     for profiles in _profiles(rng, step_s, bounds, record_s):
-        candidates = [(name, _played(base, within(x, bounds, step_s), step_s, rivals)) for name, x in profiles]
-        candidates.sort(key=lambda x: -x[1].named(x[0], x[1].distance_um, noise_um, unexplained).contrast)
-        for k, (name, played) in enumerate(candidates):
-            if k >= REFITTED and (best is None or best.tells_apart):
+        candidates: list[tuple[str, _Played]] = []
+        for name, x in profiles:
+            if candidates and work > MOST_WORK_SUBSTEPS:
                 break
-            if played.distance_um == 0.0:
-                continue
-            left = _after_refit(base, played.drive, rivals, played.readings)
-            found = played.named(name, left, noise_um, unexplained)
-            if best is None or found.contrast > best.contrast:
-                best = found
+            candidates.append((name, _played(base, within(x, bounds, step_s), step_s, rivals)))
+            work += candidates[-1][1].work_substeps
+        candidates.sort(key=lambda x: -x[1].named(x[0], x[1].distance_um, noise_um, unexplained).contrast)
+        for found, substeps in _refitted(base, candidates, rivals, noise_um, unexplained):
+            work += substeps
+            best = found if best is None or found.contrast > best.contrast else best
+            if work > MOST_WORK_SUBSTEPS:
+                return best
         if best is not None and best.contrast >= CLEARLY:
             break
     return best
+
+
+def _refitted(
+    base: Model,
+    candidates: Sequence[tuple[str, _Played]],
+    rivals: Sequence[Hypothesis],
+    noise_um: float,
+    unexplained: float,
+) -> Iterator[tuple[Experiment, int]]:
+    """Yield candidates with the rivals refitted, and the sub-steps of that: the first few, or until one decides."""
+    decides = True
+    for k, (name, played) in enumerate(candidates):
+        if k >= REFITTED and decides:
+            return
+        if played.distance_um == 0.0:
+            continue
+        left, substeps = _after_refit(base, played, rivals)
+        found = played.named(name, left, noise_um, unexplained)
+        decides = found.tells_apart if k == 0 else decides or found.tells_apart
+        yield found, substeps
 
 
 def _profiles(
