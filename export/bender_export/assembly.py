@@ -70,18 +70,24 @@ def stage_parts(model: Model, guid: str, table: tuple[Row, ...]) -> Parts:
     return description, page, parts
 
 
-def controller_archive(content: Content) -> bytes:
-    """Return the controller FMU."""
-    description, page, more = controller_parts(content.guid)
+def controller_archive(content: Content, start: Mapping[str, float], step_s: float) -> bytes:
+    """Return the controller FMU.
+
+    Args:
+        content: made of `start`.
+        start: start values of its parameters in place of its own, by name.
+        step_s: communication step that it proposes.
+    """
+    description, page, more = controller_parts(content.guid, controller.table_of(start), step_s)
     return _archive(content, description, page, more)
 
 
-def controller_parts(guid: str) -> Parts:
+def controller_parts(guid: str, table: tuple[Row, ...], step_s: float) -> Parts:
     """Return what the controller FMU says of itself, however it runs."""
     text = "PID controller, one sample for each communication step"
     initial = {"command": ("limits.lower", "limits.upper")}
-    page = controller_page("PID controller", text, guid, controller.TABLE)
-    return Description(guid, "PidController", text, controller.TABLE, 1.0, 0.01, initial), page, {}
+    page = controller_page("PID controller", text, guid, table)
+    return Description(guid, "PidController", text, table, 1.0, step_s, initial), page, {}
 
 
 def following_archive(settings: Mapping[str, Any], model: Model, content: Content) -> bytes:

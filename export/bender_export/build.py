@@ -48,7 +48,7 @@ def build_closed_loop(model: Model, out: Path, loop: "Loop | None" = None) -> Pa
         InputError: `out` does not end with .ssp, or its directory cannot be written.
     """
     _checked_place(out, ".ssp")
-    write_atomically(out, closed_loop(plant_fmu(model), controller_fmu(), loop))
+    write_atomically(out, closed_loop(plant_fmu(model), controller_fmu(loop), loop))
     return out
 
 
@@ -60,7 +60,7 @@ def build_all(model: str | Path, plant_out: Path, folder: Path, loop: "Loop | No
         plant_out: the plant FMU. The archive of the loop stands beside it: `ClosedLoop.ssp` for one called
             `PiezoBender.fmu`, else under the same name with the ending .ssp.
         folder: of the controller FMU.
-        loop: how the loop is run.
+        loop: how the loop is run; the controller FMU starts with its values.
 
     Raises:
         InputError: there is no such model, or a file cannot be written; nothing is written then.
@@ -74,7 +74,7 @@ def build_all(model: str | Path, plant_out: Path, folder: Path, loop: "Loop | No
         _checked_place(out)
     _checked_place(loop_out, ".ssp")
     plant = with_documents(plant_fmu(loaded), documents_beside(model, loaded))
-    controller = controller_fmu()
+    controller = controller_fmu(loop)
     for out, data in zip(outs, (plant, controller, closed_loop(plant, controller, loop)), strict=True):
         write_atomically(out, data)
     return outs
@@ -87,11 +87,17 @@ def plant_fmu(model: Model) -> bytes:
     return plant_archive(model, plant_content(model.to_table()))
 
 
-def controller_fmu() -> bytes:
-    """Return the FMU of the PID block; the same sources give the same bytes, but for the date."""
-    from bender_export.assembly import controller_archive
+def controller_fmu(loop: "Loop | None" = None) -> bytes:
+    """Return the FMU of the PID block; the same sources and loop give the same bytes, but for the date.
 
-    return controller_archive(controller_content())
+    Args:
+        loop: its controller's values are the start values, its step the one that the FMU proposes.
+    """
+    from bender_export.assembly import controller_archive
+    from bender_export.system import Loop
+
+    loop = loop or Loop()
+    return controller_archive(controller_content(loop.controller), loop.controller, loop.step_s)
 
 
 def reference_fmu() -> bytes:

@@ -68,14 +68,19 @@ def _added_blocks(table: Mapping[str, Any]) -> dict[str, str]:
     return {f"{_PLANT}/blocks/{name}.py": inspect.getsource(module) for name, module in modules.items()}
 
 
-def controller_content() -> Content:
-    """Return script, shell and PID block of the controller."""
+def controller_content(start: Mapping[str, float] | None = None) -> Content:
+    """Return script, shell and PID block of the controller.
+
+    Args:
+        start: start values of its parameters in place of its own, by name.
+    """
+    start_json = json.dumps(dict(start or {}))
     pid = _text(files("bender_loop") / "control" / "pid.py")
     slave = _text(_slaves() / "controller.py")
-    digest = _digest({"slave": slave, "pid": pid})
+    digest = _digest({"slave": slave, "pid": pid, "start": start_json})
     names = {_SHELL: f"bender_shell_{digest[:12]}", _PID: f"bender_pid_{digest[:12]}"}
     bundled = {f"{names[_PID]}.py": pid.encode()}
-    script = _renamed(slave, names)
+    script = _filled(_renamed(slave, names), 'START_JSON = "{}"', f'START_JSON = r"""{start_json}"""')
     return _content(digest, f"pid_controller_{digest[:12]}", "PidController", script, names, bundled)
 
 

@@ -22,6 +22,7 @@ from bender_export.assembly import (
 from bender_export.build import CLOSED_LOOP, CONTROLLER_FMU, PLANT_FMU
 from bender_export.following import Makers
 from bender_export.origin import documents_beside, with_documents
+from bender_export.slaves.controller import table_of
 from bender_export.slaves.plant import PiezoBender
 from bender_export.slaves.shell import Row
 from bender_export.slaves.stage import StageBeside, beside_table, stage_table
@@ -141,14 +142,21 @@ def _stage(kind: type[PiezoBender], model: Model, table: tuple[Row, ...], made: 
     return _archive(kind.__name__, sources, stage_parts(model, guid, table), made, own)
 
 
-def native_controller_fmu(made: Way) -> bytes:
+def native_controller_fmu(made: Way, loop: Loop | None = None) -> bytes:
     """Return the FMU of the PID block, without Python inside.
+
+    Args:
+        made: how.
+        loop: its controller's values are the start values, its step the one that the FMU proposes.
 
     Raises:
         RunError: the compiler failed.
     """
-    sources = source_files(controller_source(), controller_source(dual=True), made.fmi)
-    return _archive("PidController", sources, controller_parts(_guid(sources, "controller")), made)
+    loop = loop or Loop()
+    plain, dual = (controller_source(x, loop.controller) for x in (False, True))
+    sources = source_files(plain, dual, made.fmi)
+    guid = _guid(sources, f"controller {dict(loop.controller)} {loop.step_s}")
+    return _archive("PidController", sources, controller_parts(guid, table_of(loop.controller), loop.step_s), made)
 
 
 def native_reference_fmu(made: Way) -> bytes:
@@ -200,7 +208,7 @@ def build_native(
         plant_out: the plant FMU; the archive of the loop stands beside it.
         folder: of the controller FMU.
         made: how.
-        loop: how the loop is run.
+        loop: how the loop is run; the controller FMU starts with its values.
 
     Raises:
         InputError: there is no such model, a file cannot be written, or the translator does not know a construct;
@@ -219,7 +227,7 @@ def build_native(
     except ModelError as problem:
         raise InputError(str(problem)) from None
     plant = with_documents(native_plant_fmu(loaded, made), documents_beside(model, loaded))
-    controller = native_controller_fmu(made)
+    controller = native_controller_fmu(made, loop)
     system = closed_loop_archive(plant, controller, native_reference_fmu(made), loop or Loop())
     outs = {plant_out: plant, controller_out: controller, loop_out: system}
     for out in outs:

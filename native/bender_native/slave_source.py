@@ -1,9 +1,9 @@
 """Small slaves in C: the controller and the reference, whose `rest` and `step` are all there is to translate."""
 
+from collections.abc import Mapping
 from typing import Any
 
-from bender_export.slaves.controller import TABLE as CONTROLLER_TABLE
-from bender_export.slaves.controller import PidController
+from bender_export.slaves.controller import PidController, table_of
 from bender_export.slaves.reference import TABLE as REFERENCE_TABLE
 from bender_export.slaves.reference import StaircaseReference
 from bender_export.slaves.shell import Row, Shell
@@ -13,13 +13,17 @@ from bender_native.staging.calls import python_call
 from bender_native.staging.values import Known, Number
 
 
-def controller_source(dual: bool = False) -> Source:
+def controller_source(dual: bool = False, start: Mapping[str, float] | None = None) -> Source:
     """Return the PID block in C.
+
+    Args:
+        dual: with derivatives.
+        start: start values of its parameters in place of its own, by name.
 
     Raises:
         TranslationError: the translator does not know a construct of the block.
     """
-    return _source(PidController, CONTROLLER_TABLE, PidState(), dual)
+    return _source(PidController, table_of(start or {}), PidState(), dual)
 
 
 def reference_source(dual: bool = False) -> Source:

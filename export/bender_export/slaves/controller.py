@@ -1,16 +1,20 @@
 """The PID block as an FMI slave: one communication step is one sample of the controller.
 
-The builder copies this file under a content-hashed name and renames the modules that it imports likewise. The command
+The builder copies this file under a content-hashed name, renames the modules that it imports likewise and fills in the
+start values of a tuning, as JSON by the names of `TABLE`. The command
 is worked out at the end of the step from the inputs that stood before it, with the step's length as sampling time.
 """
 
+import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from bender_export.slaves.shell import Row, Shell
 from bender_loop.control.pid import Gains, Limits, PidState, step
 
 IDENTITY = "PidController"
+START_JSON = "{}"
 
 _LIMITS = Limits()
 TABLE = (
@@ -40,13 +44,18 @@ _COMMAND = 2
 _FIRST_LIMIT = 8
 
 
+def table_of(start: Mapping[str, float]) -> tuple[Row, ...]:
+    """Return the variables with these start values in place of those of `TABLE`."""
+    return tuple(row._replace(start=start.get(row.name, row.start)) for row in TABLE)
+
+
 class PidController(Shell):
     """The PID block of equation (21) over FMI: metres in, volts out."""
 
     IDENTITY = IDENTITY
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(TABLE, **kwargs)
+        super().__init__(table_of(json.loads(START_JSON)), **kwargs)
         self.block: tuple[Gains, Limits] | None = None
         self.rest()
 
