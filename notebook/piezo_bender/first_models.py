@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from bender_identify.first_model.choice import FirstModel, first_model
 from bender_identify.first_model.course import experiments_of
+from bender_identify.first_model.report import choice_sentence, facts, learned_model, sentences, table
 from bender_identify.first_model.report import columns as table_columns
-from bender_identify.first_model.report import facts, learned_model, sentences, table
 from bender_identify.first_model.structures import TEMPLATES
 from bender_identify.settings import InputHold
 from bender_loop.errors import RunError
@@ -99,9 +99,8 @@ class FittedModel:
         return interval_frame([*told["numbers"], *offsets], ("name", "value", "unit", "std"), "interval")
 
     def __repr__(self) -> str:
-        return (
-            f"<FittedModel {self.outcome.chosen.structure.name}: {'; '.join(sentences(self.outcome, self.quantities))}>"
-        )
+        told = [*sentences(self.outcome, self.quantities), choice_sentence(self.outcome)]
+        return f"<FittedModel {self.outcome.chosen.structure.name}: {'; '.join(filter(None, told))}>"
 
     def _repr_html_(self) -> str:
         return html_table(self.name, table_columns(self.quantities), table(self.outcome))

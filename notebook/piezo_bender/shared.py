@@ -87,6 +87,7 @@ ARGUMENTS = {
     "further-input": "further", "highest-voltage": "highest_V", "input": "input_name", "output": "output_name",
     "set": "parameters", "setpoint": "setpoint_um", "suspect": "suspects", "voltage-limits": "lower_V and upper_V",
     "rate": "rate_Hz", "fmu": "fmu", "duration": "duration_s", "exposure": "exposure_s", "noise": "noise_um",
+    "latency": "latency_frames", "gain-error": "gain_error_percent",
 }  # fmt: skip
 """Arguments in Python that are not called as the option of the command line."""
 _OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")

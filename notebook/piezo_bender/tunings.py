@@ -31,6 +31,7 @@ from piezo_bender.shared import (
     frame_of,
     html_table,
     name_arguments_in_errors,
+    options_as_arguments,
     shows_settings,
     silent,
 )
@@ -135,11 +136,12 @@ class TuningResult:
         return frame_of(figures | gains)
 
     def __repr__(self) -> str:
-        x = self.gains
+        x, note = self.gains, options_as_arguments(self.session.following_note)
         with shown_in(*self.fmu.units):
             return relabelled(
                 f"<TuningResult {self.session.settings.method}: Kp {x.proportional_V_per_um:.4g} V/µm, "
-                f"Ki {x.integral_V_per_um_s:.4g} V/(µm s), Kd {x.derivative_V_s_per_um:.4g} V s/µm>"
+                f"Ki {x.integral_V_per_um_s:.4g} V/(µm s), Kd {x.derivative_V_s_per_um:.4g} V s/µm"
+                f"{note and '; '}{note}>"
             )
 
     def _repr_html_(self) -> str:

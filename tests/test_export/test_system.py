@@ -14,14 +14,15 @@ import fmpy
 import numpy as np
 import pytest
 from few import few
+from fmpy import read_model_description
 from fmu_hosts import IMPORTERS, WITHIN_M, hosted, largest_difference
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from numpy.typing import ArrayLike, NDArray
 
-from bender_export.build import build_closed_loop, closed_loop, controller_fmu, plant_fmu
+from bender_export.build import build_all, build_closed_loop, closed_loop, controller_fmu, plant_fmu
 from bender_export.system import PARAMETER_SETS, Loop, loop_of
 from bender_loop.control.closed_loop import Sampling, simulate
-from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.pid import Gains, Limits, PidState, step
 from bender_loop.fmu.plant import FmuPlant
 from bender_plant.model import load_model
 
@@ -169,3 +170,25 @@ def test_tuned_gains_and_their_sampling_time_go_into_every_place_of_the_archive(
     for text in texts:
         for name, value in wanted.items():
             assert re.search(rf'name="(controller\.)?{re.escape(name)}">\s*<ssv:\w+ value="{value}"', text)
+
+
+def test_the_controller_fmu_of_a_tuning_starts_with_it_and_gives_the_commands_of_the_block(
+    running_fmu: Any, tmp_path: Path
+) -> None:
+    gains, limits, period_s = Gains(0.25, 7.0, 0.125, 0.0625, True), Limits(-5.0, 45.0, 0.5), 1 / 30
+    _, path, _ = build_all("paper", tmp_path / "PiezoBender.fmu", tmp_path, loop_of(gains, limits, period_s))
+    description = read_model_description(str(path))
+    starts = {x.name: x.start for x in description.modelVariables if x.causality == "parameter"}
+    assert starts == {
+        "gains.proportional": "0.25", "gains.integral": "7.0", "gains.derivative": "0.125",
+        "gains.filter_time": "0.0625", "gains.derivative_on_error": "true",
+        "limits.lower": "-5.0", "limits.upper": "45.0", "limits.tracking_time": "0.5",
+    }  # fmt: skip
+    assert float(description.defaultExperiment.stepSize) == period_s
+    memory = PidState()
+    with running_fmu(path) as controller:
+        controller.slave.reset()
+        controller.begin({})
+        for reading_m in (0.0, 1e-6, 3e-6, 5e-6):
+            memory, command_V = step(gains, limits, memory, 8.0, 1e6 * reading_m, period_s)
+            assert controller.step(period_s, setpoint=8e-6, measurement=reading_m) == [command_V]

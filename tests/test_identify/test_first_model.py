@@ -14,7 +14,7 @@ from scipy.signal import TransferFunction, lsim
 from bender_cli.main import main
 from bender_identify.first_model.choice import MOST_IN_VAIN, FirstModel, Scored, first_model, is_better, select
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
-from bender_identify.first_model.report import choice_sentence, doubt_sentence, explained_share, numbers
+from bender_identify.first_model.report import choice_sentence, doubt_sentence, explained_share, numbers, sentences
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
@@ -146,6 +146,7 @@ def test_a_loop_of_friction_in_a_narrow_band_is_no_delay():
     assert found.loop.held_out_rms < 0.5 * best.held_out_rms
     assert choice_sentence(found).startswith("a loop that does not depend on time (10 plays)")
     assert doubt_sentence(found) == ""
+    assert sentences(found)[0] == "gain, order 0; without intervals"
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from effect_examples import EXAMPLES
 from few import few
+from fmpy import simulate_fmu
 from fmu_hosts import (
     IMPORTERS,
     assert_fmutool_finds_nothing,
@@ -15,6 +16,8 @@ from fmu_hosts import (
     stepped_in_child,
 )
 
+from bender_export.system import loop_of
+from bender_loop.control.pid import Gains, Limits, PidState, step
 from bender_loop.fmu.check.check import check
 from bender_native.build import Way, native_controller_fmu, native_plant_fmu, native_reference_fmu
 from bender_native.compilers import own_compiler, own_platform
@@ -101,6 +104,15 @@ def test_the_whole_check_with_its_trial_run_finds_nothing(kind: str, fmi: int, t
     report = check(path)
     assert report.findings == ()
     assert "trial run" in report.ran
+
+
+def test_the_controller_starts_with_the_gains_of_a_tuning(tmp_path: Path) -> None:
+    path = tmp_path / "controller.fmu"
+    path.write_bytes(native_controller_fmu(_way(2), loop_of(Gains(0.25, 7.0), Limits(0.0, 95.0), 0.02)))
+    found = simulate_fmu(
+        str(path), stop_time=0.02, step_size=0.02, output_interval=0.02, start_values={"setpoint": 8e-6}
+    )
+    assert found["command"][-1] == step(Gains(0.25, 7.0), Limits(0.0, 95.0), PidState(), 8.0, 0.0, 0.02)[1]
 
 
 @pytest.mark.parametrize("script", IMPORTERS)

@@ -5,6 +5,7 @@ import json
 import pickle
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -233,6 +234,7 @@ def test_a_diagnosis_draws_and_tells_itself(found: pb.Diagnosis):
     assert found.plot(drawn) is drawn
     assert [x.get_label() for x in drawn.lines] == ["measured", "recalibrated", "corrected"]
     assert "\n" not in repr(found)
+    assert "array" not in repr(found.effects)
     assert "source_resistance" in found._repr_html_()
     frame = found.to_frame()
     assert set(frame["effect"]) == {"source_resistance"}
@@ -432,6 +434,18 @@ def test_the_settings_of_a_loop_can_be_completed():
     assert "method" not in names
     with pytest.raises(pb.InputError, match="rate: no such setting of a loop, expected one of rate_Hz"):
         pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", rate=5.0)
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_a_tuning_says_why_no_model_is_followed_and_what_would_change_that():
+    late = pb.load_model("beam").with_block("transport_delay", delay_s=0.06)
+    tune = partial(pb.tune, late, follow_model=True, rate_Hz=50.0, latency_frames=0, exposure_s=0.0, evaluations=40)
+    refused, taken = tune(), tune(gain_error_percent=5.0, late_frames=0)
+    assert "gain_error_percent" in repr(refused)
+    assert "late_frames" in repr(refused)
+    assert "model following: objective" in repr(taken)
+    assert "model_following" in [x.method for x in taken.session.contenders]
 
 
 def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):

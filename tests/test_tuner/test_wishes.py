@@ -15,6 +15,7 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_plant.model import load_model
 from bender_tuner.command import add_arguments, settings_from
 from bender_tuner.model.disturbances import noise_gain_V_per_um
+from bender_tuner.model.ensemble import EXTRA_FRAMES, GAIN_FACTORS
 from bender_tuner.results.summary import kind_line
 from bender_tuner.task.contenders import line_up
 from bender_tuner.task.practitioner import Priorities
@@ -43,6 +44,8 @@ def test_without_wishes_the_bounds_are_the_standard_ones(paper_fmu: Path):
         ({"settle_within_s": math.nan}, "settle_within_s must be"),
         ({"max_noise_gain_V_per_um": 0.0}, "max_noise_gain_V_per_um must be"),
         ({"decades": 0.0}, "decades must be"),
+        ({"gain_error_percent": 100.0}, "gain_error_percent must be 0 to 90"),
+        ({"late_frames": -1}, "late_frames must be >= 0"),
         ({"weights": (("comfort", 1.0),)}, "weight 'comfort' is unknown: choose one of bounds, effort"),
         ({"weights": (("worst_case", 1.5),)}, "weight worst_case must be 0 to 1, found 1.5"),
         ({"weights": (("effort", math.inf),)}, "weight effort must be 0 to"),
@@ -53,6 +56,18 @@ def test_without_wishes_the_bounds_are_the_standard_ones(paper_fmu: Path):
 def test_wishes_that_make_no_sense(wishes: dict[str, float], said: str):
     with pytest.raises(InputError, match=said):
         make_settings(**wishes)
+
+
+def test_what_may_be_off_makes_the_cases_that_gains_are_judged_with(paper_fmu: Path):
+    assert make_settings().gain_factors == GAIN_FACTORS
+    assert make_settings().extra_frames == EXTRA_FRAMES
+    with FmuPlant(paper_fmu) as plant:
+        known = pose_problem(plant, make_settings(gain_error_percent=0.0, late_frames=0)).ensemble
+        near = pose_problem(plant, make_settings(gain_error_percent=5.0, late_frames=2)).ensemble
+    assert [(x.gain_factor, x.latency_frames) for x in known.cases] == [(1.0, 1)]
+    assert [(x.gain_factor, x.latency_frames) for x in near.cases] == [
+        (factor, frames) for factor in (0.95, 1.0, 1.05) for frames in (1, 3)
+    ]
 
 
 @pytest.mark.slow

@@ -110,6 +110,8 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         max_overshoot_percent=arguments.max_overshoot,
         settle_within_s=arguments.settle_within,
         max_noise_gain_V_per_um=arguments.max_noise_gain,
+        gain_error_percent=arguments.gain_error,
+        late_frames=arguments.late_frames,
         decades=arguments.decades,
         weights=tuple(arguments.weight),
         gain_bounds=tuple(arguments.bounds),
@@ -203,6 +205,14 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-noise-gain", type=_number, metavar="V_PER_UM",
         help="bound of the noise of the command per noise of the reading (default: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--gain-error", type=_number, metavar="PERCENT",
+        help="the gain of the device may be off by so much either way; a model fitted to it knows better (default: 30)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--late-frames", type=int, metavar="FRAMES",
+        help="a frame may come so many frames later than --latency says; 0 where one clock times the loop (default: 1)",
     )  # fmt: skip
     parser.add_argument(
         "--decades", type=_number, metavar="D",

@@ -40,7 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     build.add_argument(
         "--model", default="paper", metavar="MODEL", help="model file or built-in model (default: paper)"
     )
-    build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`, for controller and loop")
+    build.add_argument(
+        "--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`, for controller and loop"
+    )
     build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="output directory (default: fmu)")
     _add_native(build)
     following = actions.add_parser(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class ReportedEffect:
     id: str
     form: str | None
     numbers: tuple[Number, ...]
-    contender: Contender | None
+    contender: Contender | None = field(repr=False)
     by_record: tuple[tuple[Number, ...], ...] = ()
 
 

@@ -192,8 +192,11 @@ def doubt_sentence(found: FirstModel) -> str:
 def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
     """Return the model in words, a line for each number."""
     structure = found.chosen.structure
-    lines = [f"{structure.name.replace('+', ' + ')}, order {structure.order}; ± is an interval of 95 %"]
-    for number in numbers(found, quantities):
+    found_numbers = numbers(found, quantities)
+    certain = any(x["std"] is not None for x in found_numbers)
+    interval = "± is an interval of 95 %" if certain else "without intervals"
+    lines = [f"{structure.name.replace('+', ' + ')}, order {structure.order}; {interval}"]
+    for number in found_numbers:
         unit = "" if number["unit"] == "1" else f" {unit_text(number['unit'])}"
         std = number["std"]
         width = "" if std is None else f" ± {HALF_WIDTH * std:.2g}"

@@ -1,6 +1,7 @@
 """The practitioner's objective: quick tracking that survives a wrong gain and a late frame.
 
-Over the cases of an ensemble (gain 0.7, 1, 1.3; latency nominal and one frame more) each step response is scored by
+Over the cases of an ensemble (gain 0.7, 1, 1.3; latency nominal and one frame more, unless the settings say otherwise)
+each step response is scored by
 
     s = ITAE / (2.5 theta^2 r) + w_u (TV / |u_r| - 1.2)+ + w_o (OS - 2 %)+ + w_e |e_end| / r
 
@@ -23,7 +24,7 @@ on purpose: with an exact penalty, which has a kink on the bound, pattern and si
 where both bounds meet. It is weighed with T, since theta may be far shorter than a loop that keeps the bounds can be.
 The minimum lies between comfort and bound unless, at the bound, tracking still gains more than 2 w_b of itself per
 width (bound - comfort); `PractitionerReport.bounds_kept` says whether both are kept. The bound on Ms covers
-the whole ensemble, that on the overshoot the nominal plants; with 30 % more gain and a frame more than planned an
+the whole ensemble, that on the overshoot the nominal plants; with more gain and latency than planned an
 overshoot is scored, not forbidden.
 """
 

@@ -8,7 +8,7 @@ from functools import partial
 from bender_loop.control.pid import Gains
 from bender_loop.control.plant import Plant, restart
 from bender_loop.errors import InputError
-from bender_tuner.model.ensemble import GAIN_FACTORS, Ensemble, Rival, build_ensemble
+from bender_tuner.model.ensemble import Ensemble, Rival, build_ensemble
 from bender_tuner.model.linear_model import (
     DEAD_TIME_S,
     FEWEST_FRAMES,
@@ -138,11 +138,11 @@ def _spread(
 ) -> tuple[Ensemble, list[str]]:
     """Return a plant with every gain factor under which the setpoint is within reach, and notes about the others."""
     frames = _longest_wait(settings)
-    tell(0, 1 + len(GAIN_FACTORS), "where it comes to rest")
+    tell(0, 1 + len(settings.gain_factors), "where it comes to rest")
     factors, notes = _factors_within_reach(plant, settings, frames)
     ensemble = build_ensemble(
-        plant, settings.setpoint_um, settings.sampling, settings.limits, factors, most_frames=frames, tell=tell,
-        rival=rival,
+        plant, settings.setpoint_um, settings.sampling, settings.limits, factors, settings.extra_frames,
+        most_frames=frames, tell=tell, rival=rival,
     )  # fmt: skip
     return ensemble, notes
 
@@ -218,7 +218,9 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings, frames: int) -> 
     if not lowest <= settings.setpoint_um <= highest:
         find_operating_point(plant, settings.setpoint_um, settings.sampling, settings.limits, frames)
     room, rest = _CLEARANCE * (highest - lowest), restart(plant)
-    reach = {factor: (rest + factor * (lowest - rest), rest + factor * (highest - rest)) for factor in GAIN_FACTORS}
+    reach = {
+        factor: (rest + factor * (lowest - rest), rest + factor * (highest - rest)) for factor in settings.gain_factors
+    }
     kept = tuple(
         factor
         for factor, (low, high) in reach.items()
@@ -227,7 +229,7 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings, frames: int) -> 
     notes = [
         f"with gain x {factor:g} the plant reaches {reach[factor][0]:.4g} to {reach[factor][1]:.4g} µm, and the "
         "set-point lies outside or at an end of that: the tuning does not cover that case"
-        for factor in GAIN_FACTORS
+        for factor in settings.gain_factors
         if factor not in kept
     ]
     travel_um = highest - lowest

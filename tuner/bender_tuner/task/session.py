@@ -30,6 +30,7 @@ from bender_tuner.task.contenders import Contender, judged, line_up
 from bender_tuner.task.following import TOLERANCE_SHARE, Following, Scored, candidates, choose
 from bender_tuner.task.interrupts import DeferredInterrupts, GuardedPlant
 from bender_tuner.task.judgement import monte_carlo, variation_of
+from bender_tuner.task.practitioner import PractitionerReport
 from bender_tuner.task.problem import Report, TuningProblem, pose_problem, silent
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended, SearchResult, search_in_growing_box, ziegler_nichols_rule
@@ -370,7 +371,8 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         settings.sampling,
         problem.reduced.lag_s,
     )
-    plain, best = problem.practitioner.evaluate(gains).value, None
+    alone = problem.practitioner.evaluate(gains)
+    plain, best = alone.value, None
     scored: list[Scored] = []
     for tried in groups:
         for count, following in enumerate(tried, start=1):
@@ -383,12 +385,7 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         if best is not None:
             break
     if best is None:
-        kept = [x.value for x in scored if x.bounds_kept]
-        session.following_note = "model following is not recommended: " + (
-            f"objective {min(kept):.4g} at best, {plain:.4g} of the PID block alone"
-            if kept
-            else "no shaper and horizon keeps the bounds"
-        )
+        session.following_note = _why_not(scored, alone, settings)
         return
     session.following = best.following
     session.following_note = (
@@ -396,6 +393,25 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
     )
     contender = Contender("model_following", "model following", "following", gains, following=best.following)
     session.contenders.insert(1, contender)
+
+
+def _why_not(scored: Sequence[Scored], alone: PractitionerReport, settings: TuneSettings) -> str:
+    """Return why no model is followed, and what would change that where the model is better on itself."""
+    kept = [x for x in scored if x.bounds_kept]
+    refusal = "model following is not recommended: "
+    if not kept:
+        return refusal + "no shaper and horizon keeps the bounds"
+    refusal += f"objective {min(x.value for x in kept):.4g} at best, {alone.value:.4g} of the PID block alone"
+    nearest_um, alone_um = min(x.nominal_rms_um for x in kept), math.sqrt(alone.nominal.metrics.mse_um2)
+    if nearest_um >= alone_um or len(alone.cases) == 1:
+        return refusal
+    late, error = settings.late_frames, settings.gain_error_percent
+    causes = [f"a gain that is off by {error:g} % (--gain-error)"] if error else []
+    causes += [f"a frame that comes {late} late (--late-frames; 0 where one clock times the loop)"] if late else []
+    return (
+        f"{refusal}; on the model itself it is nearer to the set-point, {nearest_um:.4g} against {alone_um:.4g} µm "
+        f"rms. It is judged with {' and '.join(causes)}: say so where the device is known better"
+    )
 
 
 def _objection(session: Session) -> str:

@@ -51,6 +51,7 @@ _BOUNDS: dict[str, tuple[float, float, str]] = {
     "lower_V": (0.0, 1e5, "a hundred kilovolts"),
     "upper_V": (0.0, 1e5, "a hundred kilovolts"),
     "slew_V_per_s": (1e-6, 1e12, "slower, a run never leaves its start"),
+    "late_frames": (0, 10, "a loop that waits longer cannot be tuned in a run"),
     "evaluations": (1, 10_000_000, "each is a whole run"),
     "seed": (0, 2**63, "of the random numbers"),
     "monte_carlo": (0, 1_000_000, "each is a whole run"),
@@ -83,6 +84,8 @@ class TuneSettings:
         settle_within_s: bound of the nominal settling time (2 %), None for any.
         max_noise_gain_V_per_um: bound of the command's noise per noise of the reading, None for any.
         weights: of the practitioner's objective that are not the standard ones, (name of `WEIGHTS`, value) each.
+        gain_error_percent: the gain of the device may be off by so much either way; gains are judged at both ends too.
+        late_frames: a frame may come later than planned by up to so many; gains are judged with that too.
         decades: the search box spans so many powers of ten below and above the first guess.
         gain_bounds: of gains that are searched between given bounds instead, (name of `GAIN_UNITS`, low, high) each.
 
@@ -110,6 +113,8 @@ class TuneSettings:
     max_overshoot_percent: float = 2.0
     settle_within_s: float | None = None
     max_noise_gain_V_per_um: float | None = None
+    gain_error_percent: float = 30.0
+    late_frames: int = 1
     decades: float = 1.5
     weights: tuple[tuple[str, float], ...] = ()
     gain_bounds: tuple[tuple[str, float, float], ...] = ()
@@ -124,7 +129,7 @@ class TuneSettings:
             raise ValueError(f"setpoint must be a finite number other than 0, found {self.setpoint_um!r}")
         if not self.slew_V_per_s > 0.0:
             raise ValueError(f"slew must be > 0 V/s, found {self.slew_V_per_s!r}")
-        for name, least in (("evaluations", 1), ("seed", 0), ("monte_carlo", 0)):
+        for name, least in (("evaluations", 1), ("late_frames", 0), ("seed", 0), ("monte_carlo", 0)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be >= {least}, found {getattr(self, name)!r}")
         if not (math.isfinite(self.lower_V) and math.isfinite(self.upper_V)):
@@ -139,6 +144,7 @@ class TuneSettings:
         for name, low, high in (
             ("max_ms", 1.05, 100.0), ("max_overshoot_percent", 0.01, 1000.0), ("settle_within_s", 1e-6, 1e6),
             ("max_noise_gain_V_per_um", 1e-9, 1e9), ("decades", 0.1, 6.0),
+            ("gain_error_percent", 0.0, 90.0),
         ):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
@@ -201,6 +207,17 @@ class TuneSettings:
     def limits(self) -> Limits:
         """Of the command."""
         return Limits(self.lower_V, self.upper_V)
+
+    @property
+    def gain_factors(self) -> tuple[float, ...]:
+        """On the gain of the model: the plants that the gains must hold for."""
+        error = self.gain_error_percent / 100.0
+        return (1.0 - error, 1.0, 1.0 + error) if error else (1.0,)
+
+    @property
+    def extra_frames(self) -> tuple[int, ...]:
+        """Beyond `latency_frames`: the latencies that the gains must hold for."""
+        return (0, self.late_frames) if self.late_frames else (0,)
 
     @property
     def searches(self) -> tuple[str, ...]:
