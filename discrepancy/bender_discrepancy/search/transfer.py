@@ -25,14 +25,15 @@ def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
     """Return the hypothesis, or the finalist that predicts clearly better where neither was fitted.
 
     A finalist is as simple, and predicts blocks as well as the hypothesis does, but for chance. A hypothesis that is
-    worse there than no effect at all is carried nowhere: whatever predicts all rows best that it was not fitted to
-    takes its place, however many numbers it has.
+    worse there than no effect at all is carried nowhere: of those that are as simple, whatever predicts all rows best
+    that it was not fitted to takes its place.
     """
     square, bare = transfer_square(archive.problem, best), archive.bare(best.hypothesis.structure) or archive.fits[0]
+    most = rules.complexity(archive, best)
     if best.hypothesis.parts and square > transfer_square(archive.problem, bare):
-        leaders = [best, bare, *_leaders(archive, rules)]
+        leaders = [bare, *_leaders(archive, rules, most)]
         return min(leaders, key=lambda x: archive.square(x) + transfer_square(archive.problem, x))
-    finalists, most = [best], rules.complexity(archive, best)
+    finalists = [best]
     for x in archive.by_fit():
         if len(finalists) > BUDGET.finalists:
             break
@@ -46,12 +47,12 @@ def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
     return finalists[least] if squares[least] < (1.0 - rules.inadequacy) * squares[0] else best
 
 
-def _leaders(archive: Archive, rules: Rules) -> list[Fitted]:
-    """Return the hypotheses that leave least, the best one of each set of forms."""
+def _leaders(archive: Archive, rules: Rules, most: int) -> list[Fitted]:
+    """Return the hypotheses of no more numbers that leave least, the best one of each set of forms."""
     found: dict[tuple[str, ...], Fitted] = {}
     for x in archive.by_fit():
         forms = tuple(sorted(part.form.name for part in x.hypothesis.parts))
-        if forms not in found and rules.is_in_range(archive, x):
+        if forms not in found and rules.complexity(archive, x) <= most and rules.is_in_range(archive, x):
             found[forms] = x
         if len(found) == BUDGET.leaders:
             break
