@@ -186,7 +186,7 @@ def _graded(
     without = archive.best(x for x in subsets if set(x.hypothesis.effects) == with_others) or base
     rivals = _rivals(archive, rules, base, best, lacking, by, complete=complete)
     nearest = archive.best((*subsets, *(x.fitted for x in rivals))) or base
-    against = archive.difference(best, nearest)
+    against = archive.difference(_strongest(archive, rules, best), nearest)
     rest, left = (above_floor_um2(archive, x) for x in (nearest, best))
     case = Case.of(against.deviations, rest, left, closed)
     likely = probability(case)
@@ -202,6 +202,16 @@ def _graded(
     return Graded(
         index, effect, word, likely, without, cost(without, by) - cost(best, by), case, tuple(rivals)
     )  # fmt: skip
+
+
+def _strongest(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
+    """Return what predicts best of all that has the effects of the best hypothesis, in whatever forms.
+
+    That an effect is there is a question of its own: the form that is carried best may be a plainer one.
+    """
+    effects = sorted(best.hypothesis.effects)
+    same = (x for x in archive.fits if sorted(x.hypothesis.effects) == effects and rules.is_in_range(archive, x))
+    return archive.best((best, *same)) or best
 
 
 def _interval_reaches_no_answer(archive: Archive, best: Fitted, index: int) -> bool:
