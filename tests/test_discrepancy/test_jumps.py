@@ -1,4 +1,4 @@
-"""Numbers by which the misfit falls in jumps: in the deepest place, amid what fits alike, beside other numbers."""
+"""Numbers whose misfit changes in jumps: the deepest place, the middle of equal fits, other numbers beside them."""
 
 import math
 

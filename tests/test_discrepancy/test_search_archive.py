@@ -115,6 +115,23 @@ def test_the_archive_prefers_what_is_there(search: SearchResult) -> None:
     assert archive.bare(None) is search.found.base
 
 
+def test_whether_an_effect_is_there_is_asked_of_all_its_forms() -> None:
+    """A plainer form is the best hypothesis; the case for the effect is that of the form that predicts best."""
+    plays = {"thresholds_V": (2.0, 5.0, 10.0, 18.0), "weights_um_per_V": (0.01, 0.01, 0.01, 0.01)}
+    record = record_of("beam", {"rate_independent_hysteresis": plays})
+    plain, flexible, lag = (
+        hypothesis(load_model("beam"), [record], x)
+        for x in (("Bouc-Wen", (0.02, 5.0, 0.0)), ("10 plays", (0.004,) * 10), LAG)
+    )
+
+    def deviations(*others: Hypothesis) -> float:
+        found = told([record], plain, [lag, *others], base=load_model("beam"))
+        (graded,) = grade(Searched(found.archive, found.found.base, found.best), RULES).effects
+        return graded.case.deviations
+
+    assert deviations(flexible) > deviations()
+
+
 def test_what_is_no_model_is_no_rival() -> None:
     """A rival whose reading has a gain beyond all bounds fits the rows, but no model can be written of it."""
     found = lagging(("sensor_lag", (0.06,)))

@@ -29,7 +29,7 @@ def test_a_voltage_and_a_displacement_have_the_titles_of_the_catalogue() -> None
 
 
 @pytest.mark.slow
-def test_the_reason_of_a_verdict_is_told_in_words(tmp_path: Path) -> None:
+def test_the_reason_of_a_verdict_is_a_sentence(tmp_path: Path) -> None:
     record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}})
     found = told([record], hypothesis(load_model("paper"), [record], ("source_resistance", (0.03,))))
     why = replace(found.verdict, reason="the records fit sensor_lag, creep and no_such_thing as well")

@@ -156,6 +156,19 @@ def test_a_run_is_judged_at_rest_unless_its_file_sets_both_limits_or_the_source_
     assert len(said) == 1
 
 
+@pytest.mark.parametrize("held_up", [0, 1, 2, 3])
+def test_one_hold_up_of_the_machine_refuses_no_run(held_up: int, monkeypatch: pytest.MonkeyPatch):
+    bad = replace(CALM, largest_age_s=0.4)
+    watched = iter([*[bad] * held_up, CALM])
+    monkeypatch.setattr(steadiness, "watched_at_rest", lambda *_: next(watched))
+    if held_up < 3:
+        assert steadiness.steadied_at_rest(FOLLOWING, PlannedEyes([])) == (FOLLOWING, CALM)
+        assert not list(watched)
+    else:
+        with pytest.raises(UnsteadyError, match="a run would need"):
+            steadiness.steadied_at_rest(FOLLOWING, PlannedEyes([]))
+
+
 @pytest.mark.slow
 def test_a_run_is_refused_before_there_is_a_guard_and_leaves_nothing(tmp_path: Path, monkeypatch):
     pytest.importorskip("cv2")

@@ -143,7 +143,7 @@ with open_guarded(Path(sys.argv[1])) as (plant, _):
 
 @pytest.mark.slow
 def test_the_printed_sign_fails_to_tune(paper_fmu: Path) -> None:
-    """Through the FMU, on the paper's own task: equation (25) as printed leaves the beetle where it was or worse."""
+    """Through the FMU, on the paper's own task: equation (25) as printed improves nothing, or makes it worse."""
     done = subprocess.run(
         [sys.executable, "-c", PRINTED_SIGN, str(paper_fmu)], capture_output=True, text=True, check=True
     )

@@ -214,8 +214,7 @@ def _steadied(
     if not bench.follows_sensor or isinstance(program, Buffered):
         return bench, None
     with _quiet_memory():
-        seen = steadiness.watched_at_rest(eyes, steadiness.FEWEST if "frame_age_s" in bench.follows_sensor else 0)
-    bench = steadiness.steadied(bench, seen)
+        bench, seen = steadiness.steadied_at_rest(bench, eyes)
     if tell is not None:
         tell(steadiness.limits_sentence(seen, bench.guard))
     return bench, steadiness.facts(seen, bench.guard)

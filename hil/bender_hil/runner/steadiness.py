@@ -5,6 +5,7 @@ controller. Where the bench file leaves them open they follow from what the loop
 are never below their defaults, and never above a ceiling that safety sets: what needs more is refused.
 """
 
+import contextlib
 import statistics
 import time
 from collections.abc import Callable
@@ -18,6 +19,8 @@ from bender_loop.errors import InputError
 
 WATCHED_S, FEWEST, LONGEST_S = 1.5, 15, 10.0
 """So long readings are watched, longer for so many of them, but no longer than the last."""
+TIMES = 3
+"""So often they are watched before a run is refused."""
 SPREAD = 4.0
 """A run has many more readings than are watched: the worst of them lies so many times as far from the usual one."""
 LARGEST_S = 0.5
@@ -128,6 +131,23 @@ def steadied(bench: BenchFile, seen: Steadiness) -> BenchFile:
         elif seen.largest_s(name) > given_s:
             raise UnsteadyError(_refusal(name, seen, f"guard.{name} allows {_ms(given_s)}"))
     return replace(bench, guard=guard)
+
+
+def steadied_at_rest(bench: BenchFile, eyes: Eyes) -> tuple[BenchFile, Steadiness]:
+    """Return the bench with the limits that follow from readings at rest, and what these were.
+
+    One hold-up of the machine is no reason to refuse a run: readings that are too irregular are watched again.
+
+    Raises:
+        UnsteadyError: they were so every time, or hardly any came.
+    """
+    fewest = FEWEST if "frame_age_s" in bench.follows_sensor else 0
+    for _ in range(TIMES - 1):
+        seen = watched_at_rest(eyes, fewest)
+        with contextlib.suppress(UnsteadyError):
+            return steadied(bench, seen), seen
+    seen = watched_at_rest(eyes, fewest)
+    return steadied(bench, seen), seen
 
 
 def limits_sentence(seen: Steadiness, limits: GuardSettings) -> str:

@@ -1,4 +1,4 @@
-"""Figure 10: the simulated step of 10 um, tuned by the beetle and by Ziegler and Nichols' rule."""
+"""Figure 10: the simulated step of 10 µm, tuned by beetle antennae search and by the rule of Ziegler and Nichols."""
 
 import math
 
