@@ -178,6 +178,7 @@ def _run(
     from bender_hil.runner.run import run as run_bench
     from bender_hil.runner.run_lock import sole_run_with_note
     from bender_loop.shell.progress import Progress
+    from bender_loop.shell.run import step
 
     bench = _bench(arguments)
     program = make_program(arguments, bench, read_gains)
@@ -192,7 +193,7 @@ def _run(
             show = _shown(progress, round(program.duration_s * bench.rate_Hz))
             seen = show if page is None else both(page.see, show)
             result = run_bench(
-                bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page, tell=_say
+                bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page, tell=step
             )
     except OutputUnknownError as error:
         _complain(str(error))
@@ -414,13 +415,6 @@ def _complain(sentence: str) -> None:
     with contextlib.suppress(OSError):
         sys.stderr.write(f"bender: {' '.join(sentence.split())}\n")
         sys.stderr.flush()
-
-
-def _say(sentence: str) -> None:
-    """Print a line before a run; a terminal that has gone is no reason for none."""
-    with contextlib.suppress(OSError):
-        sys.stdout.write(f"{sentence}\n")
-        sys.stdout.flush()
 
 
 def _free_name(path: Path) -> Path:

@@ -158,9 +158,9 @@ def what_it_uses(story: BenchStory) -> str:
     if story.session.following is None:
         return f"Run 2 has the PID block alone: {note}."
     return (
-        "Run 2 uses the corrected model: its inverse says the command, the whole model with its dead time predicts "
-        "what the camera will see, and the same PID block acts on measured minus predicted. What the model explains "
-        f"asks no patience of the loop. {note[:1].upper()}{note[1:]}."
+        "Run 2 uses the corrected model: its inverse gives the command, the whole model with its dead time predicts "
+        "what the camera will see, and the same PID block acts on measured minus predicted. The gains need not "
+        f"be slowed down for what the model explains. {note[:1].upper()}{note[1:]}."
     )
 
 
@@ -181,7 +181,7 @@ def bench_section(story: BenchStory) -> Section:
         ],
         Table(COLUMNS, [x.cells for x in figures], marked=marked),
         in_two_widths("runs", RUNS, lambda narrow: runs_figure(story, narrow)),
-        ["Every figure is from what the camera saw; a settling time that would lie beyond the next step is not told."],
+        ["Every figure is from what the camera saw; a settling time that would lie beyond the next step is left out."],
         code=AGAIN,
         links=[Link("The report of the diagnosis", f"{DIAGNOSIS}/report.html")],
     )
