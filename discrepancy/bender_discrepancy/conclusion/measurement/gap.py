@@ -41,7 +41,7 @@ from bender_plant.model import Model
 
 # differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
 SAME_um, SAME_OF_FLOOR = 1e-5, 1e-2
-MOST_STEPS = 200_000
+MOST_STEPS = 50_000
 """Of the FMU of one record: a longer one is driven so far, and simulated from there if both agreed until then."""
 SETTLES_ROWS = 100
 """Commands that are kept beyond the last row that is read, so that a smooth course there is that of the record."""
@@ -311,13 +311,25 @@ def _driven(
     begun = [_beginning(x, y) for x, y in zip(drives, models, strict=True)]
     readings = _played(models, begun, fmu, of_record, tell, driver)
     for k in (k for k, (x, y) in enumerate(zip(drives, begun, strict=True)) if y is not x):
-        simulated = Simulator(drives[k], coarser=COARSER if search.excerpts else 1.0).run(models[k]).reading_um
-        rows = readings[k].size
-        apart_um, left_um = (_rms_um(readings[k] - x[:rows]) for x in (simulated, search.whole[k].measured_um))
-        if apart_um > max(SAME_um, SAME_OF_FLOOR * left_um):
+        beyond = _simulated_beyond(models[k], drives[k], readings[k], search.whole[k].measured_um)
+        if beyond is None:
             return _played(models, drives, fmu, of_record, tell, driver)
-        readings[k] = np.concatenate([readings[k], simulated[rows:]])
+        readings[k] = np.concatenate([readings[k], beyond])
     return readings
+
+
+def _simulated_beyond(model: Model, drive: Drive, begun: Array, measured_um: Array) -> Array | None:
+    """Return what is simulated of a record beyond what an FMU was driven with; None where both differ until there.
+
+    Sub-steps are longer than those of the FMU where these already agree.
+    """
+    rows = begun.size
+    most_um = max(SAME_um, SAME_OF_FLOOR * _rms_um(begun - measured_um[:rows]))
+    for coarser in (COARSER, 1.0):
+        simulated = Simulator(drive, coarser=coarser).run(model).reading_um
+        if _rms_um(begun - simulated[:rows]) <= most_um:
+            return simulated[rows:]
+    return None
 
 
 def _rms_um(left_um: Array) -> float:

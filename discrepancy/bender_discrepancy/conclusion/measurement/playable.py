@@ -36,11 +36,13 @@ def playable(drive: Drive, longest_s: float = math.inf) -> tuple[Record, Exposed
 
 def _in_parts(instants_s: Array, volts: Array, longest_s: float, linear: bool) -> tuple[Array, Array]:
     """Return a path with commands between those that are further apart than `longest_s`."""
-    parts = np.ceil(np.diff(instants_s) / longest_s)
-    if not np.any(parts > 1.0):
+    parts = np.maximum(np.ceil(np.diff(instants_s) / longest_s), 1.0).astype(np.int64)
+    if not np.any(parts > 1):
         return instants_s, volts
-    ends = zip(instants_s[:-1], instants_s[1:], np.maximum(parts, 1.0), strict=True)
-    times = np.append(np.concatenate([np.linspace(a, b, int(n), endpoint=False) for a, b, n in ends]), instants_s[-1])
+    first = np.repeat(np.cumsum(parts) - parts, parts)
+    fraction = (np.arange(first.size) - first) / np.repeat(parts, parts)
+    begins, lengths = np.repeat(instants_s[:-1], parts), np.repeat(np.diff(instants_s), parts)
+    times = np.append(begins + fraction * lengths, instants_s[-1])
     if linear:
         return times, np.interp(times, instants_s, volts)
     return times, volts[np.searchsorted(instants_s, times, side="right") - 1]
