@@ -92,6 +92,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how the records begin: from rest, in motion, or as the readings say (default)",
     )
     parser.add_argument(
+        "--same-zero",
+        action="store_true",
+        help="the sensor was not zeroed between the records (default: each has an offset of its own)",
+    )
+    parser.add_argument(
         "--confidence",
         type=float,
         default=0.99,
@@ -250,6 +255,7 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
         confidence=confidence,
         with_record_effects=arguments.with_record_effects,
         relevant=_share(arguments.relevant),
+        same_zero=arguments.same_zero,
     )
     return settings.between_rows(arguments.input_hold)
 

@@ -32,6 +32,7 @@ class Settings:
         with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
         relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
+        same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
 
     Raises:
         InputError: a setting is out of its range.
@@ -47,6 +48,7 @@ class Settings:
     with_record_effects: bool = False
     slew_V_per_s: float = math.inf
     relevant: float = RELEVANT
+    same_zero: bool = False
 
     @property
     def input_hold(self) -> InputHold:

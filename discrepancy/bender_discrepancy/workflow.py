@@ -376,6 +376,7 @@ def _searched(
     known_step_um: float = 0.0,
 ) -> SearchResult:
     whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
+    whole = tuple(replace(x, same_zero=how.same_zero) for x in whole)
     if lacking:
         whole = tuple(replace(x, lacking_um=d) for x, d in zip(whole, lacking, strict=True))
     begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))

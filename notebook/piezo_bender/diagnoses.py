@@ -41,6 +41,7 @@ def diagnose(
     further: Mapping[str, str] | None = None,
     reading: str | None = None,
     with_record_effects: bool = False,
+    same_zero: bool = False,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find the disagreement between a model and records of one bench, name what is missing, correct the model.
@@ -66,6 +67,7 @@ def diagnose(
         further: inputs of the FMU beside the command, and the columns that they follow.
         reading: the column of the output's readings, where it is not the displacement.
         with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
+        same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
         progress: is told what is being done.
 
     Raises:
@@ -76,7 +78,13 @@ def diagnose(
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
     settings = Settings(
-        False, untimed, highest_V, start, confidence, with_record_effects=with_record_effects, relevant=relevant
+        untimed=untimed,
+        highest_V=highest_V,
+        start=start,
+        confidence=confidence,
+        with_record_effects=with_record_effects,
+        relevant=relevant,
+        same_zero=same_zero,
     ).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")

@@ -102,6 +102,7 @@ def outcome(
             "base_model": search.base.name,
             "input_hold": search.settings.input_hold,
             "untimed": search.settings.untimed,
+            "same_zero": search.settings.same_zero,
         },
     }
 

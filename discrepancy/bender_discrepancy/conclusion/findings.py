@@ -18,6 +18,7 @@ from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.fitting.profile import Ends, interval_ends
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
+from bender_discrepancy.records.observations import have_same_zero
 from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
@@ -256,7 +257,7 @@ def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Rec
     values, found = search.base.values(), search.best.calibration
     gain, offset = values.get("calibration.gain", 1.0), values.get("calibration.offset", 0.0)
     offsets = tuple(found.gain * offset + x for x in found.offsets_um)
-    own = offsets if len(offsets) > 1 else ()
+    own = () if len(offsets) == 1 or have_same_zero(search.problem.observations) else offsets
     changed = (
         RecalibratedNumber("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
         RecalibratedNumber("offset", offset, offsets[record], open_.offsets_um[record], "um", own),

@@ -63,6 +63,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _of_one_record(findings)
     found += _not_following(findings)
     found += _zero_moved(findings.search)
+    found += _zeros_apart(findings)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
     found += findings.search.witnesses
@@ -96,6 +97,19 @@ def _numbered(search: SearchResult) -> list[str]:
         "(untimed=True in Python): delays, lags and creep are then not looked for"
         for k, x in enumerate(search.records)
         if len(x) > 1 and np.array_equal(x.time_s - x.time_s[0], np.arange(len(x)))
+    ]
+
+
+def _zeros_apart(findings: Findings) -> list[str]:
+    """Say that records have offsets of their own, in which an effect of their amplitudes may hide."""
+    offsets = findings.calibration.offsets_um
+    apart_um = max(offsets) - min(offsets)
+    if findings.search.settings.same_zero or apart_um <= findings.search.archive.noise_um:
+        return []
+    unit = findings.search.records[0].quantities.reading
+    return [
+        f"the records have offsets of their own, up to {quantity(apart_um, unit)} apart; if the sensor was not zeroed "
+        "between them, use --same-zero (same_zero=True in Python): a missing effect may hide in them"
     ]
 
 

@@ -1,14 +1,14 @@
 """What a hypothesis is fitted to: the base model, the records, and the readings that a hypothesis gives for them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.effects.form import Values
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.records.observations import Array, Observations
+from bender_discrepancy.records.observations import Array, Observations, have_same_zero
 from bender_plant.model import Model, ModelError
 
 # how much longer the sub-steps of fits and of scans are than those of the FMU: a tip of 30 µm is off by less than a
@@ -26,7 +26,7 @@ SETTLED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Gain and offset of the reading, one offset for each record."""
+    """Gain and offset of the reading, one offset for each record; alike where these have the same zero."""
 
     gain: float
     offsets_um: Values
@@ -124,10 +124,19 @@ def calibrated(observations: Sequence[Observations], readings: Sequence[Array]) 
     """
     targets = [x.measured_um[x.training] for x in observations]
     simulated = [y[x.training] for y, x in zip(readings, observations, strict=True)]
+    half_steps_um = [x.half_step_um for x in observations]
+    if not have_same_zero(observations):
+        return _line(simulated, targets, half_steps_um)
+    halves = np.repeat(half_steps_um, [d.size for d in targets])
+    found = _line([np.concatenate(simulated)], [np.concatenate(targets)], [halves if halves.any() else 0.0])
+    return replace(found, offsets_um=found.offsets_um * len(observations))
+
+
+def _line(simulated: list[Array], targets: list[Array], half_steps_um: Sequence[float | Array]) -> Calibration:
     found = straight_line(simulated, targets)
-    if all(x.half_step_um == 0.0 for x in observations):
+    if all(np.all(x == 0.0) for x in half_steps_um):
         return found
-    return line_through_steps(simulated, targets, [x.half_step_um for x in observations], found)
+    return line_through_steps(simulated, targets, half_steps_um, found)
 
 
 def straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
@@ -141,7 +150,7 @@ def straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
 
 
 def line_through_steps(
-    simulated: list[Array], targets: list[Array], half_steps_um: Sequence[float], start: Calibration
+    simulated: list[Array], targets: list[Array], half_steps_um: Sequence[float | Array], start: Calibration
 ) -> Calibration:
     """Return gain and offsets for which coarse readings lie least beyond their steps, in square.
 

@@ -16,7 +16,7 @@ from bender_discrepancy.effects.form import FAINTEST, Form, Free, Values
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.standing import Standing
-from bender_discrepancy.records.observations import Array, Mask
+from bender_discrepancy.records.observations import Array, Mask, have_same_zero
 
 FAINT = 0.25
 """Of the squared residual: an effect of half its size, since most of the residual may be noise."""
@@ -33,9 +33,11 @@ class Start:
 
 
 def _columns(problem: FitProblem, readings: list[Array]) -> Array:
-    """Return readings of the training rows, centred record by record: the offsets are solved for."""
-    parts = [y[x.training] - y[x.training].mean() for y, x in zip(readings, problem.observations, strict=True)]
-    return np.concatenate(parts)
+    """Return readings of the training rows, centred as the offsets that are solved for leave them."""
+    parts = [y[x.training] for y, x in zip(readings, problem.observations, strict=True)]
+    if have_same_zero(problem.observations):
+        parts = [np.concatenate(parts)]
+    return np.concatenate([y - y.mean() for y in parts])
 
 
 def _column(problem: FitProblem, hypothesis: Hypothesis) -> Array | None:

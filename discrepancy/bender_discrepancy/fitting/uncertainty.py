@@ -29,7 +29,7 @@ from bender_discrepancy.fitting.criterion import independent_rows
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.level_cell import cell_of, is_undetermined
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.observations import Array, Mask
+from bender_discrepancy.records.observations import Array, Mask, have_same_zero
 
 STEP = 2e-3
 # a direction that moves the readings less than this beside the strongest one is not determined at all
@@ -95,8 +95,11 @@ def columns(problem: FitProblem, fitted: Fitted, readings: list[Array], rows: Se
     still = [np.zeros_like(y) for y in readings]
     found = parallel_map(lambda k: _slope(problem, fitted, k) or still, range(fitted.hypothesis.free_count))
     found.append(readings)
-    for record in range(len(readings)):
-        found.append([np.full_like(y, float(k == record)) for k, y in enumerate(readings)])
+    if have_same_zero(problem.observations):
+        found.append([np.ones_like(y) for y in readings])
+    else:
+        for record in range(len(readings)):
+            found.append([np.full_like(y, float(k == record)) for k, y in enumerate(readings)])
     return np.stack([np.concatenate([y[m] for y, m in zip(x, rows, strict=True)]) for x in found], axis=1)
 
 
@@ -186,6 +189,7 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
             covariance[:, k] = covariance[k, :]
             covariance[k, k] = within
     deviations = np.sqrt(np.diag(covariance))
-    return Uncertainty(
-        covariance[:count, :count], float(deviations[count]), tuple(float(x) for x in deviations[count + 1 :])
-    )
+    offsets = tuple(float(x) for x in deviations[count + 1 :])
+    if have_same_zero(problem.observations):
+        offsets *= len(problem.observations)
+    return Uncertainty(covariance[:count, :count], float(deviations[count]), offsets)

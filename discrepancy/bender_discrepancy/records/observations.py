@@ -39,6 +39,7 @@ class Observations:
         start: how the record is taken to begin, see `initial_motion`.
         lacking_um: (n,) what was taken from the readings before, by which a black box differs from its stand-in; None
             for nothing.
+        same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
     """
 
     drive: Drive
@@ -49,6 +50,7 @@ class Observations:
     half_step_um: float = 0.0
     start: Start = "rest"
     lacking_um: Array | None = None
+    same_zero: bool = False
 
     @property
     def read_um(self) -> Array:
@@ -124,6 +126,11 @@ class Observations:
     def without(self, outlying: Mask) -> "Observations":
         """Return the observations with more rows set aside."""
         return replace(self, usable=self.usable & ~outlying)
+
+
+def have_same_zero(observations: Sequence[Observations]) -> bool:
+    """Return whether one offset of the reading holds for several records."""
+    return len(observations) > 1 and all(x.same_zero for x in observations)
 
 
 FEW_STEPS = 2

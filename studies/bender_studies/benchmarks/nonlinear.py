@@ -229,7 +229,8 @@ def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outc
     model = first.structure.model(first.values, first.gain, first.offsets[0], benchmark.name.replace(" ", "-"))
     numbers, named, verdict, diagnosis = len(first.values) + 2, (), None, None
     if place is not None:
-        settings = Settings(benchmark.hold != "hold", smooth=benchmark.hold == "smooth")
+        # test parts are judged with the offset of the estimation part
+        settings = Settings(benchmark.hold != "hold", smooth=benchmark.hold == "smooth", same_zero=True)
         # from the records alone: linear structures and effects compete in one search
         diagnosis = diagnose(None, records, settings, None, names)
         diagnosis.write(place)
