@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of
@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.notes import set_aside, warnings
-from bender_discrepancy.records.initial_motion import _lowest, moving, standing_before
+from bender_discrepancy.records.initial_motion import moving, standing_before
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
 from bender_discrepancy.settings import Beginning, Settings
@@ -131,35 +131,6 @@ def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     (said,) = [x for x in warnings(find(found)) if "begins in motion" in x]
     assert "left out" in said
     assert set_aside(found)[0].lost == 0
-
-
-def test_a_voltage_that_makes_no_difference_is_not_sought_for_long() -> None:
-    asked: list[float] = []
-
-    def flat(volts: float) -> float:
-        asked.append(volts)
-        return 0.25
-
-    (place, near) = list(_lowest(flat, np.linspace(0.0, 50.0, 9)))
-    assert place == (0.25, 0.0)
-    assert 0.0 <= near[1] <= 6.25
-    assert len(asked) < 60
-
-
-def test_what_cannot_be_simulated_has_no_voltage() -> None:
-    assert list(_lowest(lambda _: math.inf, np.linspace(0.0, 50.0, 9))) == []
-
-
-@examples(max_examples=20)
-@given(st.floats(0.0, 50.0), st.floats(0.0, 50.0))
-def test_the_lower_of_two_valleys_is_found(first: float, second: float) -> None:
-    """Each of a place of its own among those that are tried: nearer ones are one valley with two floors."""
-    assume(abs(first - second) > 3.0 * 50.0 / 8.0)
-
-    def of(volts: float) -> float:
-        return 1.0 + min((volts - first) ** 2, 0.5 + (volts - second) ** 2)
-
-    assert min(_lowest(of, np.linspace(0.0, 50.0, 9)))[0] == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_quick_recorder_may_hear_nothing_but_ringing_for_long() -> None:

@@ -96,14 +96,6 @@ def test_what_resembles_what_is_known_and_not_itself(effect: Effect):
 
 
 @every_effect
-def test_words_are_one_paragraph_each(effect: Effect):
-    for words in (effect.summary, effect.signature, effect.separation, effect.excitation, effect.unusual or "-"):
-        assert words
-        assert words == " ".join(words.split())
-    assert len(effect.summary) <= 100
-
-
-@every_effect
 def test_the_parameter_table_of_the_page_is_the_metadata(effect: Effect):
     rows = {row[0].strip("`"): row[1:] for row in table_under(page(effect), "Parameters")}
     assert list(rows) == list(effect.defaults)

@@ -86,12 +86,3 @@ def test_what_has_a_state_of_its_own_needs_the_container(effect: str, values: di
 def test_what_changes_the_inside_of_the_fmu_needs_the_container() -> None:
     changed = STAND_IN.with_block("plant_lag", time_constant_s=2.0 * TAU_S)
     assert not stages_around(STAND_IN, changed, 0.0).only_delay
-
-
-def test_drifts_and_curves_of_the_reading_are_static_at_their_times() -> None:
-    times = np.linspace(3.0, 9.0, 61)
-    drift = STAND_IN.with_block("thermal_drift", amplitude_um=2.0, time_constant_s=4.0)
-    stages = stages_around(STAND_IN, drift, 0.0)
-    assert stages.only_delay
-    found = corrected_fmu._static(stages.behind, times, np.sin(times))  # pyright: ignore[reportPrivateUsage]
-    assert found == pytest.approx(np.sin(times) + 2.0 * (1.0 - np.exp(-times / 4.0)), abs=1e-3)

@@ -4,15 +4,13 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from reported_diagnosis import levels, record_of
 
-from bender_discrepancy.fitting import output_error
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import MANY, TOLERANCE, WORTH, _is_structure, fit
+from bender_discrepancy.fitting.output_error import WORTH, _is_structure, fit
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
@@ -30,40 +28,6 @@ def looping(beside_um: float, form: str) -> tuple[FitProblem, Hypothesis]:
     observations = (observe(Record(plain.time_s, plain.voltage_V, plain.displacement_um + swing_um)),)
     found = next(x for x in candidate_forms(PAPER, observations) if x.name == form)
     return problem_of(PAPER, observations), Hypothesis().plus(found, tuple(x.starts[0] for x in found.free))
-
-
-def test_the_forms_of_these_tests_have_few_and_many_numbers() -> None:
-    few, many = (looping(0.0, x)[1].free_count for x in (FEW_NUMBERS, MANY_NUMBERS))
-    assert few < MANY <= many
-
-
-@pytest.mark.parametrize(
-    ("form", "beside_um", "closely", "first"),
-    [
-        (MANY_NUMBERS, 0.0, False, WORTH),
-        (MANY_NUMBERS, 3.0, False, WORTH),
-        (MANY_NUMBERS, 3.0, True, TOLERANCE),
-        (FEW_NUMBERS, 3.0, False, TOLERANCE),
-    ],
-)
-def test_a_fit_goes_to_the_end_where_noise_is_left_or_numbers_are_few_or_it_is_asked_to(
-    form: str, beside_um: float, closely: bool, first: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[tuple[float, bool]] = []
-    solver = getattr(output_error, "least_squares")  # noqa: B009
-
-    def watched(*arguments: Any, **options: Any) -> Any:
-        found = solver(*arguments, **options)
-        told.append((options["ftol"], found.status == output_error.BY_SQUARE))
-        return found
-
-    monkeypatch.setattr(output_error, "least_squares", watched)
-    assert fit(*looping(beside_um, form), most_evaluations=60, closely=closely) is not None
-    assert told[0][0] == first
-    # by a step that took little off, where noise is left, a fit does not end
-    goes_on = first == WORTH and told[0][1] and beside_um == 0.0
-    assert [x for x, _ in told[1:]] == [TOLERANCE] * goes_on
-    assert told[0][1] or first == TOLERANCE
 
 
 def test_the_end_of_a_fit_is_no_worse_and_hardly_better() -> None:

@@ -25,11 +25,6 @@ def test_only_the_ends_that_say_nothing_are_no_answer(low, high, place, ends):
     assert not free.ends_without_answer(inside)
 
 
-def test_an_amplitude_ends_on_both_sides():
-    free = Free("share", -1.0, 1.0, False, (), no_answer_at="both")
-    assert [free.ends_without_answer(x) for x in (-1.0, -0.5, 0.0, 0.5, 1.0)] == [True, False, False, False, True]
-
-
 def test_a_mode_that_does_not_ring_or_for_ever_and_a_leak_within_a_row_are_no_answers():
     found = {(form.effect, free.name): free for form in forms(OTHER_DEVICE) for free in form.free}
     damping, leak = found["second_mode", "damping_ratio"], found["charge_leakage", "time_constant_s"]

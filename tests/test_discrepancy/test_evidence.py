@@ -1,6 +1,5 @@
 """What keeps a diagnosis from saying too much: other blocks, the floor, never worse, the start, the voltages seen."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,23 +11,18 @@ from reported_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of,
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
-from bender_discrepancy.conclusion.measurement.gap import Measured, _closed
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import predicted_errors
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import observe, turns_plays
-from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import conclude, diagnose
 from bender_loop.errors import InputError
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
-
-
-def test_blocks_of_a_whole_record_are_as_long_as_each_other() -> None:
-    assert np.array_equal(blocks_of(np.ones(1530, dtype=np.bool_)), np.arange(1530) * 20 // 1530)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -118,19 +112,6 @@ def test_what_the_noise_of_few_quiet_readings_does_is_no_reason_to_take_an_effec
     # calibration on rows that show something else may have made the model worse than it was given
     assert replace(quiet, recalibrated=Gap(0.12, 1.0), after=Gap(0.09, 1.0)).is_worse
     assert by_chance_um2(0.05, apart[:0], 0.99) == 0.0
-
-
-def test_what_is_closed_is_a_ratio_over_blocks_and_its_error_says_how_far_they_agree() -> None:
-    rng = np.random.default_rng(3)
-    alone, rows = rng.standard_normal(4000), np.arange(4000) // 200 % 6 == 5
-    share, error = _closed([alone], [0.2 * alone], [rows], 0.0)
-    assert (share, error) == (pytest.approx(0.96), pytest.approx(0.0, abs=1e-12))
-    floor = 0.5
-    noisy = [np.hypot(alone, floor)], [np.hypot(0.2 * alone, floor)]
-    assert _closed(*noisy, [rows], floor)[0] == pytest.approx(0.96)
-    uneven = np.where(np.arange(4000) < 2000, 0.1, 0.5) * alone
-    assert _closed([alone], [uneven], [rows], 0.0)[1] > 0.05
-    assert math.isnan(_closed([alone], [alone], [rows], 10.0)[0])
 
 
 @pytest.mark.slow

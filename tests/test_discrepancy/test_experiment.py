@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from reported_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
 
-from bender_compiled.simulation import Drive
 from bender_discrepancy.command import run
 from bender_discrepancy.experiment import design as experiment
 from bender_discrepancy.experiment.design import SWEPT, SWEPT_FARTHER, Experiment, design
@@ -55,20 +54,6 @@ def test_after_a_sine_too_small_to_tell_the_whole_range_is_swept():
     found = designed(Limits(high_V=40.0), Sine(2.0, 0.4, 0.4))
     assert found.pattern == SWEPT_FARTHER
     assert 30.0 < found.voltage_V.max() <= 40.0
-
-
-def test_a_device_of_microseconds_is_not_played_for_a_minute(monkeypatch: pytest.MonkeyPatch):
-    """A minute has millions of its rows, each of them to be simulated with every rival."""
-    rows: list[int] = []
-
-    def played(base: Model, profile: np.ndarray, step_s: float, rivals: list[Hypothesis]) -> object:
-        rows.append(profile.size)
-        return experiment._Played(Drive.of_rows(step_s * np.arange(2.0), profile[:2]), 0.0, [], 0.0, 0)
-
-    monkeypatch.setattr(experiment, "_played", played)
-    for record_s in (0.04, 1000.0):
-        design(load_model("paper"), [], NOISE_um, 8e-5, np.random.default_rng(1), record_s=record_s)
-    assert max(rows) < 1.1 * experiment.MOST_ROWS
 
 
 def test_of_a_device_whose_simulation_takes_long_not_all_profiles_are_tried(monkeypatch: pytest.MonkeyPatch):

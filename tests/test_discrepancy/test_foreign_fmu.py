@@ -164,24 +164,6 @@ def test_a_bent_input_is_named_on_uneven_rows(lag: Path):
 
 
 @pytest.mark.slow
-def test_the_command_with_nothing_missing(
-    lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.chdir(tmp_path)
-    write_record(tmp_path / "record.csv", record())
-    words = ["diagnose", "record.csv", "--fmu", str(lag), "--input", "drive.u", "--out", "o", "--json"]
-    assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["verdict"] == "no_gap"
-    assert told["foreign_model"]["linear"] is True
-    assert (told["foreign_model"]["input"], told["foreign_model"]["output"]) == ("drive.u", "sensor.y")
-    assert "lag.fmu (drive.u to sensor.y), linear; gain + lag stands in for it" in told["warnings"][0]
-    page = Path("o/report.html").read_text(encoding="utf-8")
-    assert "stands in for it" in page
-    assert "below, is what the stand-in for the FMU leaves" in page
-
-
-@pytest.mark.slow
 def test_what_cannot_be_diagnosed(
     lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

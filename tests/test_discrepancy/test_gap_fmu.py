@@ -35,21 +35,6 @@ def test_where_pythonfmu_cannot_run_the_corrected_fmu_has_no_python(monkeypatch:
     assert native.read_bytes() != usual.read_bytes()
 
 
-@pytest.mark.parametrize("smooth", [False, True])
-def test_the_beginning_of_a_drive_reads_as_the_whole_does(smooth: bool, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(gap, "MOST_STEPS", 400)
-    model = load_model("paper").with_block("transport_delay", delay_s=0.0123)
-    times = np.linspace(0.0, 9.99, 1_000)
-    whole = Drive(times, times, 5.0 * np.sin(0.8 * times) + np.sin(5.0 * times), linear=smooth, smooth=smooth)
-    begun = gap._beginning(whole, model)
-    rows = begun.row_time_s.size
-    assert 10 <= rows < 500
-    first, all_of_it = (Simulator(x).run(model).reading_um for x in (begun, whole))
-    assert first == pytest.approx(all_of_it[:rows], abs=1e-4 * float(np.ptp(all_of_it)))
-    short = Drive(times[:50], times[:50], whole.voltage_V[:50])
-    assert gap._beginning(short, model) is short
-
-
 def test_a_long_record_is_judged_to_its_end_though_the_fmu_is_driven_at_its_beginning(
     monkeypatch: pytest.MonkeyPatch,
 ):

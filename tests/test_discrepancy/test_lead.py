@@ -1,10 +1,8 @@
 """The lead of an unexplained diagnosis: effects outside of the catalogue, integrated here, against what is found."""
 
-import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,14 +12,10 @@ from hypothesis import strategies as st
 from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.equation import lead as lead_module
 from bender_discrepancy.equation.lead import Lead, find_lead
 from bender_discrepancy.equation.lead_terms import AT_ONCE, RATE_INDEPENDENT, RELAXING, Term, equation
-from bender_discrepancy.report.page import report_page
-from bender_discrepancy.report.summary import summary
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -191,19 +185,6 @@ def test_a_fault_of_ours_is_not_told_as_a_finding(relaxing: tuple[Findings, Lead
         lead_from(relaxing[0])
 
 
-def test_it_is_of_what_the_best_hypothesis_leaves(relaxing: tuple[Findings, Lead]):
-    findings, found = relaxing
-    x, left = findings.search.problem.observations[0], findings.search.best.residuals[0]
-    assert np.allclose(found.drawn[0].left_um[x.usable], left[x.usable], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_the_same_record_gives_the_same_lead(relaxing: tuple[Findings, Lead]):
-    again = lead_from(relaxing[0])
-    assert again is not None
-    assert again.to_dict() == relaxing[1].to_dict()
-
-
 def test_untimed_records_get_nothing_that_runs_with_time(camera: Record):
     volts = np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)] * 6)
     record = record_of(voltage_V=volts)
@@ -232,32 +213,6 @@ def test_long_records_are_thinned(camera: Record, monkeypatch: pytest.MonkeyPatc
     assert found is not None
     assert found.rows <= 500
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.2)
-
-
-@pytest.mark.slow
-def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_path: Path):
-    findings, found = relaxing
-    measured = measure(findings.search, findings.model, findings.calibration, tmp_path / "model.fmu")
-    result = outcome(findings, measured, ["one.csv"], None, found)
-    assert json.loads(json.dumps(result, allow_nan=False)) == result
-    assert set(result["lead"]) == {"equation", "terms", "explains", "rows", "in_model"}
-    assert [x["unit"] for x in result["lead"]["terms"]] == ["1/s", "um/V2"]
-    lines = " ".join(" ".join(summary(findings, measured, result, tmp_path)).split())
-    assert f"{result['lead']['equation']}, explains" in lines
-    page = report_page(findings, measured, result, found)
-    text = " ".join(re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")).split())
-    assert found.text in text
-    assert "It is a lead, not a name" in text
-    assert page.count('aria-label="the residual over time, and what the equation gives"') == 2
-    without = outcome(findings, measured, ["one.csv"], None, Lead(None, reason="there are too few readings"))
-    assert (without["lead"], without["no_lead"]) == (None, "there are too few readings")
-    assert "no equation for the rest was found: there are too few" in " ".join(
-        " ".join(summary(findings, measured, without, tmp_path)).split()
-    )
-    assert "was found: there are too few readings." in report_page(
-        findings, measured, without, Lead(None, reason="there are too few readings")
-    )
-    assert "A lead" not in report_page(findings, measured, outcome(findings, measured, ["one.csv"]))
 
 
 @given(st.sampled_from((*RELAXING, *RATE_INDEPENDENT, *AT_ONCE)), st.floats(0.1, 10.0), st.floats(0.1, 10.0))

@@ -1,6 +1,5 @@
 """Records that start in the middle of a motion."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,21 +106,6 @@ def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
     said = {found.best.hypothesis.effects[-1], *(x.id for x in found.grades.effects[0].rivals)}
     assert {"source_resistance", "sensor_lag", "transport_delay", "rate_independent_hysteresis"} <= said
     assert "periodic_disturbance" not in found.best.hypothesis.effects
-
-
-@pytest.mark.slow
-def test_surroundings_differ_from_record_to_record() -> None:
-    first = record_of(effects={"thermal_drift": {"amplitude_um": 2.0, "time_constant_s": 6.0}}, seed=3)
-    drift = {"amplitude_um": -1.0, "time_constant_s": 3.0}
-    second = record_of(effects={"thermal_drift": drift}, seed=4, voltage_V=levels(seed=9))
-    found = search_records(PAPER, [first, second])
-    assert found.best.hypothesis.effects == ("thermal_drift",)
-    (part,) = found.best.hypothesis.parts
-    amplitudes = [part.form.of_record(part.values, k)[0] for k in (0, 1)]
-    assert amplitudes == pytest.approx([2.0, -1.0], rel=0.1)
-    alone = found.best.hypothesis.alone(1)
-    assert alone.model(PAPER) == found.best.hypothesis.model(PAPER, 1)
-    assert replace(part.form, records=1).of_record(part.values, 0) == part.values
 
 
 @pytest.mark.slow

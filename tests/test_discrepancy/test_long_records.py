@@ -71,13 +71,6 @@ def test_an_excerpt_of_a_sweep_is_not_only_its_quick_end() -> None:
     assert cycles[-1] > 30.0
 
 
-def test_an_excerpt_holds_the_large_amplitudes() -> None:
-    rng = np.random.default_rng(4)
-    volts = np.concatenate([rng.uniform(0.0, 5.0, 40_000), rng.uniform(0.0, 50.0, 10_000), np.zeros(10_000)])
-    first = first_row(volts, np.ones(60_000, dtype=np.bool_), 20_000)
-    assert np.ptp(volts[first : first + 20_000]) > 49.0
-
-
 @pytest.mark.slow
 @given(st.lists(st.integers(2, 30_000), min_size=1, max_size=4), st.booleans())
 @examples(max_examples=25)

@@ -1,6 +1,5 @@
 """Effects of many numbers are told in the figures that people compare."""
 
-import re
 from typing import Any
 
 import numpy as np
@@ -11,15 +10,11 @@ from scipy.integrate import solve_ivp
 
 from bender_discrepancy.report.loop_and_creep import (
     creep_per_decade,
-    creep_sentence,
-    creep_table,
     figures_of,
-    hysteresis_sentence,
 )
 from bender_discrepancy.report.loop_figures import ROWS_OF_A_BRANCH, loop_of
 from bender_plant.model import Model, model_from_table
 from bender_report.number import Number
-from bender_report.wording import shown_in
 
 
 def _model(gain: float = 1.0, sensitivity_um_per_V: float = 0.5, **hysteresis: Any) -> Model:
@@ -101,27 +96,6 @@ def _numbers(plays: list[tuple[float, float]]) -> tuple[Number, ...]:
     )
 
 
-def test_a_hysteresis_of_many_weights_is_told_in_two_figures() -> None:
-    numbers = _numbers([(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)])
-    told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0), _model())
-    assert told == "loop width 1.5 µm between 0 and 50 V, remanence 0.75 µm at 0 V after 50 V"
-    with shown_in("in", "kip"):
-        told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0), _model())
-    assert told == "loop width 1.5 kip between 0 and 50 in, remanence 0.75 kip at 0 in after 50 in"
-    few = _numbers([(1.0, 0.05)])
-    assert not hysteresis_sentence("rate_independent_hysteresis", "plays", few, (0.0, 50.0), _model())
-    assert not hysteresis_sentence("creep", None, numbers, (0.0, 50.0), _model())
-
-
-def test_a_free_stretch_is_told_however_few_the_numbers_are() -> None:
-    slipping = (*_numbers([(5.0, -1.0)]), Number("reversible_linear_um_per_V", -1.0, "um/V", 0.1))
-    model = _model(2.0, 1.0).with_block("output_dead_zone", width_um=4.0)
-    told = hysteresis_sentence("rate_independent_hysteresis", "plays", slipping, (-20.0, 20.0), model)
-    found = re.search(r"the reading follows for (\S+) V, then stands still for (\S+) V \(a free stretch", told)
-    assert found is not None
-    assert [float(x) for x in found.groups()] == pytest.approx([3.0, 4.0], abs=0.1)
-
-
 def test_programs_get_the_figures_that_people_get() -> None:
     plays = _numbers([(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)])
     told = figures_of("rate_independent_hysteresis", "plays", plays, (0.0, 50.0), _model())
@@ -159,18 +133,3 @@ def test_no_relaxation_is_lost_in_the_decades(pairs: list[tuple[float, float]]) 
     found = creep_per_decade([x for x, _ in pairs], [x for _, x in pairs])
     assert sum(x for *_, x in found) == pytest.approx(sum(x for x, _ in pairs), abs=1e-12)
     assert all(np.isclose(high, 10.0 * low) for low, high, _ in found)
-
-
-def test_creep_has_a_table_of_its_relaxations_and_totals() -> None:
-    pairs = [(0.04, 3.0), (0.01, 0.2), (0.02, 30.0), (0.03, 5.0)]
-    numbers = (
-        *(Number(f"gains[{k + 1}]", g, "1", 0.001) for k, (g, _) in enumerate(pairs)),
-        *(Number(f"time_constants_s[{k + 1}]", t, "s") for k, (_, t) in enumerate(pairs)),
-    )
-    table = creep_table("creep", numbers)
-    assert table is not None
-    assert [x.split()[0] for x, _ in table["rows"]] == ["0.2", "3", "5", "30"]
-    assert [x.split()[0] for x, _ in table["totals"]] == ["0.1", "1", "10", "in"]
-    assert [y for _, y in table["totals"]] == ["1.0 %", "7 %", "2.0 %", "10 %"]
-    assert creep_sentence("creep", numbers).startswith("10 % of the displacement in all; ")
-    assert creep_table("ageing", numbers) is None

@@ -21,25 +21,6 @@ def columns(*effects, records=(PLAIN,), is_film=True):
     return {x.column: x.tells for x in missing_columns(map(frozenset, effects), records, is_film=is_film)}
 
 
-def test_a_lag_of_the_source_against_one_of_the_sensor_is_told_by_voltages_between_the_two():
-    sets = [frozenset({"source_resistance", "creep"}), frozenset({"sensor_lag", "creep"})]
-    found = missing_columns(sets, [PLAIN], is_film=True)
-    assert [x.to_dict() for x in found] == [
-        {
-            "column": "supply_voltage_V",
-            "tells": ["source_resistance"],
-            "why": "what the supply reads back beside each row (column supply_voltage_V) could show source resistance "
-            "before the terminals",
-        },
-        {
-            "column": "electrode_voltage_V",
-            "tells": ["source_resistance"],
-            "why": "the voltage at the electrodes beside each row (column electrode_voltage_V) could show source "
-            "resistance, or exclude it",
-        },
-    ]
-
-
 def test_where_the_supply_was_read_back_the_electrodes_are_asked_for_alone():
     sets = ({"source_resistance"}, {"sensor_lag"})
     assert set(columns(*sets, records=(READ_BACK,))) == {"electrode_voltage_V"}
@@ -61,13 +42,6 @@ def test_a_drift_is_told_by_the_temperature_and_both_columns_are_named_where_bot
     assert columns({"thermal_drift"}, {"creep"}) == {"temperature_C": ("thermal_drift",)}
     both = columns({"thermal_drift", "slew_limit"}, {"creep", "sensor_lag"})
     assert both == {"supply_voltage_V": ("slew_limit",), "temperature_C": ("thermal_drift",)}
-
-
-@pytest.mark.parametrize(("is_film", "words"), [(True, "could show thermal drift, or exclude"), (False, "0.05 K")])
-def test_how_far_a_kelvin_moves_the_tip_is_known_of_films_alone(is_film, words):
-    (found,) = missing_columns([frozenset({"thermal_drift"}), frozenset({"creep"})], [PLAIN], is_film=is_film)
-    assert words in found.why
-    assert ("show" in found.why) == is_film
 
 
 @pytest.mark.parametrize(("records", "left"), [((READ_BACK,), set()), ((READ_BACK, PLAIN), set())])

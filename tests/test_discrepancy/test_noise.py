@@ -17,7 +17,6 @@ from bender_discrepancy.records.noise import (
     from_quiet_spectra,
     from_spectrum,
     from_stretches,
-    interpolated,
     noise_floor_um,
     quiet_medians,
 )
@@ -168,24 +167,6 @@ def test_the_tables_of_white_noise_are_those_of_new_draws(rows: int):
     assert np.var(logs) == pytest.approx(variance, rel=0.3)
     quiet = quiet_medians(rng.standard_normal((20_000, 32)))
     assert np.quantile(quiet, 0.25) == pytest.approx(QUIET_MEDIAN, rel=0.02)
-
-
-def test_lost_rows_are_closed_with_straight_lines():
-    usable = np.array([False, True, False, False, True, False])
-    values = np.array([9.0, 1.0, 9.0, 9.0, 4.0, 9.0])
-    np.testing.assert_allclose(interpolated(values, usable), [1.0, 1.0, 2.0, 3.0, 4.0, 4.0])
-
-
-def test_the_floor_is_the_smallest_estimate_that_is_not_nought():
-    rng = np.random.default_rng(13)
-    values = rng.standard_normal(16 * 100)
-    everything = np.ones(values.size, dtype=bool)
-    estimates = [f(values, everything) for f in (from_differences, from_spectrum, from_stretches, from_quiet_spectra)]
-    assert noise_floor_um(values, everything) == min(estimates)
-    assert noise_floor_um(np.zeros(400), np.ones(400, dtype=bool)) == 0.0
-    mostly_still = np.zeros(1600)
-    mostly_still[1200:] = rng.standard_normal(400)
-    assert noise_floor_um(mostly_still, everything) > 0.0
 
 
 @pytest.mark.parametrize("frequency_Hz", [41.0, 100.0, 175.9])

@@ -43,17 +43,6 @@ def test_on_a_linear_model_growth_is_creep_and_sag_is_leakage(hidden: str, param
     assert found.best.hypothesis.effects == (hidden,)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("hidden", ["sensor_lag", "source_resistance"])
-def test_on_a_linear_model_a_lag_before_is_one_behind(hidden: str):
-    record = record_of("beam", {hidden: {"time_constant_s": 0.2}}, levels(30.0))
-    found = search_records(load_model("beam"), [record])
-    assert found.verdict.word == "ambiguous"
-    close = {x.id for x in found.grades.effects[0].open_rivals} | set(found.best.hypothesis.effects)
-    assert close == {"sensor_lag", "source_resistance"}
-    assert found.base == load_model("beam")
-
-
 def seen_at(rate_Hz: float) -> Record:
     """A step after half of the rows, through the ringing of all modes of the beam at a vibrometer's rates."""
     slow = record_of("beam", voltage_V=np.repeat([0.0, 30.0, 10.0, 40.0], 200))

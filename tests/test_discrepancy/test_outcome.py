@@ -23,7 +23,6 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.judgement.grades import Reach
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model, model_from_table
@@ -135,25 +134,6 @@ def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
     assert [x["certain"] for x in result["effects"]] == [False, False]
     assert result["effects"][1]["rivals"][0]["id"] == "source_resistance"
     assert result["sentence"] == "These records cannot tell source resistance from sensor lag."
-
-
-@pytest.mark.parametrize(
-    ("difference", "reach", "said"),
-    [
-        (3.0, "fits as well", "the evidence between source resistance and it is 3; 9.2 would decide"),
-        (21.9, "as large", "is 21.9 (9.2 decides), but it leaves less than twice as much beyond the noise"),
-        (21.9, "plainer", "is 21.9 (9.2 decides), but it is simpler, and worse by less than a hundredth of the gap"),
-    ],
-)
-def test_a_rival_that_the_criterion_excludes_says_why_it_stays_open(difference: float, reach: Reach, said: str):
-    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
-    best, other = (hypothesis(load_model("paper"), [record], (x, (0.06,))) for x in ("source_resistance", "sensor_lag"))
-    search = told([record], best, [other], word="likely")
-    (graded,) = search.grades.effects
-    (rival,) = (x for x in graded.rivals if x.id == "sensor_lag")
-    open_ = replace(graded, grade="likely", rivals=(replace(rival, difference=difference, reach=reach),))
-    findings = find(replace(search, grades=replace(search.grades, effects=(open_,))))
-    assert said in evidence(findings, findings.effects[1])
 
 
 def test_nothing_missing_leaves_the_model_as_it_was(tmp_path: Path):

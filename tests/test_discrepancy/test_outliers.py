@@ -65,17 +65,6 @@ def test_a_jump_is_five_usual_changes(change: float, seen: bool):
     assert after_jumps(volts)[40] == seen
 
 
-def test_a_neighbourhood_is_the_median_of_six_and_the_spread_of_the_nearest_four():
-    residual = np.array([0.0, 1.0, 2.0, 50.0, 3.0, 4.0, 5.0, 6.0, 7.0])
-    middle, spread = neighbourhood_um(residual, np.arange(9))
-    # of the fourth reading: neighbours 0 1 2 3 4 5
-    assert middle[3] == 2.5
-    assert spread[3] == pytest.approx(3.0)
-    # of the fifth: 1 2 50 4 5 6, median 4.5; nearest four 4 5 6 and 2
-    assert middle[4] == 4.5
-    assert spread[4] == pytest.approx(4.0)
-
-
 def test_only_usable_rows_are_neighbours():
     residual = np.array([0.0, 99.0, 1.0, 2.0, 3.0, 99.0, 4.0, 5.0, 6.0])
     rows = np.array([0, 2, 3, 4, 6, 7, 8])
@@ -194,13 +183,6 @@ def test_ringing_grows_with_the_jump():
     small = jumps[np.abs(changes[jumps - 1]) == 5.0][3]
     residual[small] = 12.0
     assert outlying(observed(volts, residual), residual, NOISE_um)[small]
-
-
-def test_fewer_than_eight_jumps_judge_nothing():
-    volts = jumping(8)
-    residual = np.zeros(volts.size)
-    residual[12] = 30.0
-    assert not outlying(observed(volts, residual), residual, NOISE_um).any()
 
 
 def alternating(volts: np.ndarray, height_um: float, exception_um: float) -> tuple[np.ndarray, int]:

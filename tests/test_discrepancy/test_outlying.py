@@ -37,15 +37,6 @@ def test_two_that_nearly_touch_are_both_found(seed: int, row: int) -> None:
     assert list(np.flatnonzero(outlying(still, residual, NOISE_um))) == [row, row + 2]
 
 
-@pytest.mark.slow
-def test_a_misread_frame_after_a_jump_is_an_exception_among_the_others() -> None:
-    record = record_of(voltage_V=levels(40.0))
-    jumps = np.flatnonzero(np.abs(np.diff(record.voltage_V)) > 5.0)
-    row = int(jumps[30]) + 1
-    found = search_records(load_model("paper"), [misread(record, [row], 1.5)])
-    assert list(np.flatnonzero(~found.problem.observations[0].usable)) == [row]
-
-
 @pytest.mark.parametrize("step_um", [0.4, 1.3])
 def test_a_lattice_is_seen_although_some_readings_are_off_it(step_um: float) -> None:
     rng = np.random.default_rng(3)
@@ -76,16 +67,3 @@ def test_what_noise_does_at_the_edges_of_steps_has_no_name(seed: int) -> None:
     fine = record_of(voltage_V=levels(40.0, seed), seed=seed)
     coarse = Record(fine.time_s, fine.voltage_V, 1.3 * np.round(fine.displacement_um / 1.3))
     assert [x.id for x in find(search_records(load_model("paper"), [coarse])).added] == ["sensor_quantisation"]
-
-
-@pytest.mark.slow
-def test_an_effect_below_the_step_of_the_readings_is_found() -> None:
-    lag = {"source_resistance": {"time_constant_s": 0.03}}
-    fine = record_of(effects=lag, voltage_V=levels(60.0))
-    coarse = Record(fine.time_s, fine.voltage_V, 1.0 * np.round(fine.displacement_um / 1.0))
-    found = search_records(load_model("paper"), [coarse])
-    assert "source_resistance" in {
-        found.best.hypothesis.effects[-1],
-        *(x.id for x in found.grades.effects[0].rivals[:2]),
-    }
-    assert len(found.best.hypothesis.effects) == 1

@@ -41,35 +41,6 @@ def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own
     assert changed.values[0] == pytest.approx(0.03, rel=0.01)
 
 
-@pytest.mark.slow
-def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
-    """Creep of 50 % as quick as the true lag, over 16 ms of the model, is that lag: where a lens hides more, too."""
-    given = PAPER.with_block("sensor_lag", time_constant_s=0.016)
-    bench = PAPER.with_block("sensor_lag", time_constant_s=0.024)
-    bent = {"lens_distortion": {"quadratic_1_per_um": 0.01, "cubic_1_per_um2": 1e-4}}
-    found = search_records(given, [record_of(bench, bent, levels(40.0))])
-    assert found.verdict.word == "named"
-    assert found.best.hypothesis.effects == ("lens_distortion",)
-    own = found.best.hypothesis.own
-    assert own is not None
-    assert own.values == pytest.approx((0.024,), rel=0.01)
-
-
-@pytest.mark.slow
-def test_a_disturbance_is_found_behind_a_sensor_whose_lag_is_off() -> None:
-    """At the highest frequency of the catalogue, which no camera shows, a lag behind it could not be simulated."""
-    given = PAPER.with_block("sensor_lag", time_constant_s=0.01)
-    bench = PAPER.with_block("sensor_lag", time_constant_s=0.03)
-    hum = {"periodic_disturbance": {"sine_um": 0.4, "cosine_um": 0.3, "frequency_Hz": 3.3}}
-    found = search_records(given, [record_of(bench, hum, levels(40.0))])
-    assert not found.untried
-    assert found.verdict.word == "named"
-    assert found.best.hypothesis.effects == ("periodic_disturbance",)
-    own = found.best.hypothesis.own
-    assert own is not None
-    assert own.values == pytest.approx((0.03,), rel=0.01)
-
-
 @pytest.mark.parametrize("uneven", [False, True])
 def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
     """Rows at uneven times show a hum of 100 Hz, rows of 30 in a second at even ones its alias."""
@@ -83,15 +54,6 @@ def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
     (hum,) = (x for x in forms if x.effect == "periodic_disturbance")
     assert (hum.free[-1].high > 100.0) == uneven
     assert hum.free[-1].high >= 0.5 / np.median(np.diff(record.time_s))
-
-
-@pytest.mark.slow
-def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
-    """A lag before a plant with a dead zone is none behind it, whatever the model's own lag may become."""
-    given = PAPER.with_block("sensor_lag", time_constant_s=0.01).with_block("dead_zone", threshold_V=4.0)
-    found = search_records(given, [record_of(given, {"source_resistance": {"time_constant_s": 0.04}}, levels(40.0))])
-    assert found.verdict.word in ("named", "ambiguous")
-    assert "source_resistance" in found.best.hypothesis.effects
 
 
 @pytest.mark.slow

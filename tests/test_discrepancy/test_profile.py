@@ -13,9 +13,8 @@ from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import judge
-from bender_discrepancy.fitting.profile import LEAST_RISE, MOST_RISE, Ends, Z, interval_ends
+from bender_discrepancy.fitting.profile import Ends, Z, interval_ends
 from bender_discrepancy.fitting.uncertainty import uncertainty
-from bender_discrepancy.report.effect_sections import _line
 from bender_discrepancy.search.result import SearchResult
 from bender_plant.model import load_model
 from bender_report.number import Number
@@ -96,10 +95,6 @@ def test_intervals_hold_the_truth_though_the_misfit_is_no_parabola() -> None:
     assert held >= 34
 
 
-def test_rises_that_count_as_a_parabola_are_those_of_90_and_98_percent() -> None:
-    assert pytest.approx((2.706 / 3.841, 5.412 / 3.841), rel=1e-3) == (LEAST_RISE, MOST_RISE)
-
-
 def test_nothing_found_has_no_intervals() -> None:
     search = told([record_of("beam", voltage_V=levels(10.0))], base=BEAM)
     assert search.best.hypothesis == Hypothesis()
@@ -110,17 +105,6 @@ def test_nothing_found_has_no_intervals() -> None:
 def test_a_scale_stays_within_its_bounds_however_far_its_coordinate_goes(coordinate: float) -> None:
     free = Free("time_constant_s", 1e-3, 1e3, log=True, starts=(1.0,))
     assert free.low <= free.outward(coordinate) <= free.high
-
-
-@pytest.mark.parametrize(
-    ("number", "line"),
-    [
-        (Number("tau_s", 60.0, "s", 20.0, interval=(20.8, 99.2)), "60 ± 20 s"),
-        (Number("tau_s", 60.0, "s", 20.0, interval=(28.0, 155.0), profiled=True), "60 ± 20 s; 95 %: 28 to 155 s"),
-    ],
-)
-def test_an_interval_is_told_where_it_reaches_further_to_one_side(number: Number, line: str) -> None:
-    assert _line(number) == line
 
 
 def test_every_number_of_a_diagnosis_has_an_interval_around_it() -> None:

@@ -23,9 +23,9 @@ from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.page import gap_bars, report_page
 from bender_discrepancy.report.residual_pictures import banded_density
 from bender_plant.model import load_model
-from bender_report.chart import inline, plain_logarithmic
+from bender_report.chart import plain_logarithmic
 from bender_report.palette import TOKENS
-from bender_report.wording import figure, listed, percent, plain, quantity, uncertain
+from bender_report.wording import figure, listed, plain, quantity, uncertain
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -111,13 +111,6 @@ def test_it_says_what_the_diagnosis_says(page: tuple[str, dict]):
     assert "<b>&name.csv" not in html
 
 
-def test_shares_stand_apart_from_ranges(page: tuple[str, dict]):
-    html, result = page
-    shares = re.findall(r"<b>(\d+(?:\.\d)? %)</b> (?:between|at)", html)
-    drawn = [percent(x["share"]) for x in result["where"] if x["axis"] in ("time", "voltage", "rate", "frequency")]
-    assert shares == drawn
-
-
 def test_the_map_has_a_colour_bar_with_its_unit(page: tuple[str, dict]):
     maps = re.findall(r'<svg role="img" aria-label="rms of the residual.*?</svg>', page[0], flags=re.DOTALL)
     assert len(maps) == 2
@@ -199,17 +192,6 @@ def test_density_of_white_noise_is_flat_and_its_size_known():
     frequency, density = banded_density(np.arange(20_000) / 30.0, noise)
     assert np.all(np.diff(frequency) > 0.0)
     assert np.median(density[frequency > 0.5]) == pytest.approx(0.06 * np.sqrt(2.0 / 30.0), rel=0.05)
-
-
-def test_an_svg_without_its_header_keeps_what_is_referred_to():
-    svg = (
-        '<?xml version="1.0"?><svg width="9pt" viewBox="0 0 9 9"><metadata>x</metadata><g id="a"><path id="b" '
-        'd="M 1.23456 2.34567"/><use xlink:href="#b"/></g></svg>'
-    )
-    found = inline(svg, "label")
-    assert found == (
-        '<svg role="img" aria-label="label" viewBox="0 0 9 9"><g><path id="b" d="M 1.2 2.3"/><use href="#b"/></g></svg>'
-    )
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """The archive, the moves, the rules and the grades of a search, on records of which everything is known."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -33,7 +33,6 @@ from bender_discrepancy.search.moves import (
     Scan,
     Start,
     aliases,
-    aliases_Hz,
     restructure,
     swap,
 )
@@ -300,15 +299,6 @@ def _scanned(scan: Scan) -> list[Hypothesis]:
     return [scan.parent.hypothesis.plus(x, y) for x, y in zip(scan.forms, starts, strict=True)]
 
 
-@pytest.mark.slow
-@given(st.floats(0.1, 500.0), st.floats(5.0, 100.0))
-def test_aliases_look_alike_at_every_row(frequency_Hz: float, rate_Hz: float) -> None:
-    turns = 2.0 * np.pi * np.arange(50) / rate_Hz
-    for other_Hz in aliases_Hz(frequency_Hz, rate_Hz, 600.0):
-        assert 0.0 < other_Hz <= 600.0
-        assert np.cos(turns * other_Hz) == pytest.approx(np.cos(turns * frequency_Hz), abs=1e-6)
-
-
 @given(st.floats(0.5, 0.9999), st.floats(0.0, 0.99))
 def test_a_stricter_confidence_asks_for_more(confidence: float, part: float) -> None:
     lower = Rules(confidence=confidence * part)
@@ -331,10 +321,6 @@ def test_less_left_closes_more_and_is_small_sooner(one: float, other: float) -> 
 
 
 CLOSING = lagging()
-
-
-def test_every_rule_is_a_positive_number() -> None:
-    assert all(getattr(RULES, x.name) > 0 for x in fields(RULES))
 
 
 def test_what_belongs_to_the_record_must_remove_most_of_the_rest(search: SearchResult) -> None:

@@ -10,13 +10,11 @@ from few import few_rows
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
-from bender_discrepancy.foreign import outputs as outputs_module
 from bender_discrepancy.foreign.joint_explanations import (
     NOTHING,
     Correction,
     Output,
     OutputResidual,
-    corrections,
     rank_explanations,
 )
 from bender_discrepancy.foreign.outputs import Together
@@ -296,16 +294,3 @@ def test_what_an_output_has_inside_by_itself_is_no_matter_where_something_around
     one = SimpleNamespace(added=(SimpleNamespace(id="tip_mass"),), model=load_model("paper"))
     told = Together({"a": one, "b": one}, found, {}, {}, needing_inside=frozenset("b"))  # type: ignore[arg-type]
     assert told.inside == {"b": ("tip_mass",)}
-
-
-def test_the_corrections_of_the_input_that_are_driven_have_a_budget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What an output prefers is driven first, and so is nothing at all."""
-    monkeypatch.setattr(outputs_module, "MOST_STEPS", 4 * 4 * 1000)
-    rows = [SimpleNamespace(time_s=np.arange(1000.0))]
-    monkeypatch.setattr(outputs_module, "_rows", lambda _: rows)
-    kinds = [Correction((name,), MODEL, 1) for name in ("slew_limit", "dead_zone", "transport_delay")]
-    a = _WithCorrections(None, "a", tuple(kinds), (NOTHING,))  # type: ignore[arg-type]
-    b = _WithCorrections(None, "b", tuple(reversed(kinds)), (NOTHING,))  # type: ignore[arg-type]
-    driven = outputs_module.affordable(corrections([a, b]), [a, b])
-    assert [x.effects for x, _ in driven][:3] == [(), ("slew_limit",), ("transport_delay",)]
-    assert len(driven) == 4

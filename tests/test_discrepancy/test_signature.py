@@ -7,8 +7,7 @@ from few import few
 from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
 from bender_discrepancy.report.signature.drives import simulate
 from bender_discrepancy.report.signature.picture import draw_signature
-from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, jumps, response
-from bender_loop.records.acting_voltage import direction
+from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, response
 
 GAIN_um_per_V = FULL_STROKE_um / FULL_VOLTAGE_V
 
@@ -57,13 +56,6 @@ def test_an_amplitude_spectrum_gives_the_amplitude():
     frequency_Hz, amplitude_um = amplitude_spectrum(3.0 + 0.7 * np.sin(2.0 * np.pi * 5.0 * time_s), time_s)
     assert frequency_Hz[np.argmax(amplitude_um)] == pytest.approx(5.0)
     assert amplitude_um.max() == pytest.approx(0.7, rel=1e-3)
-
-
-def test_jumps_and_direction_of_a_voltage():
-    voltage_V = np.array([2.0, 2.0, 5.0, 5.0, 1.0])
-    assert jumps(voltage_V).tolist() == [0, 2, 4]
-    assert direction(voltage_V).tolist() == [1.0, 1.0, 1.0, 1.0, -1.0]
-    assert direction(np.zeros(3)).tolist() == [1.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("view", few(VIEWS, 0))

@@ -4,16 +4,15 @@ import json
 import math
 from dataclasses import replace
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.smallest_visible import Smallest, _size, smallest_visible
+from bender_discrepancy.conclusion.smallest_visible import Smallest, smallest_visible
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.form import Form, Values, simple, time_constant
 from bender_discrepancy.report.visible_section import NEVER, visible_rows
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.workflow import candidate_forms, search_records
@@ -114,13 +113,3 @@ def test_every_effect_of_the_catalogue_has_a_size_that_can_be_told() -> None:
     rows = visible_rows({name: x.to_dict() for name, x in found.items()})
     assert [x["title"] for x in rows] == [EFFECTS[name].title for name in found]
     assert next(x["size"] for x in rows if x["parameter"] == "frequency_ratio") != "1"
-
-
-def test_what_shows_next_to_nothing_is_no_effect() -> None:
-    class Coarse:
-        def ratio(self, form: Form, values: Values) -> float:
-            del form, values
-            return 10.0
-
-    form = simple("supply_fall_lag", time_constant(1e-3, 2.0))
-    assert _size(cast(Any, Coarse()), form, ()) is None

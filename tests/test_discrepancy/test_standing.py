@@ -56,29 +56,3 @@ def test_a_model_without_numbers_takes_over_nothing() -> None:
     column = np.random.default_rng(1).normal(size=found.slopes.shape[0])
     assert found.slopes.shape[1] == 0
     assert found.without_it(column) == pytest.approx(column)
-
-
-def test_slopes_that_foretell_well_are_mended_without_simulations() -> None:
-    matrix = np.array([[2.0, 0.3], [0.1, 1.0], [0.5, -0.4]])
-    simulated = 0
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        return matrix @ x + 0.01 * np.array([x[0] ** 2, x[1] ** 2, x[0] * x[1]])
-
-    def slopes(x: np.ndarray, here: np.ndarray) -> np.ndarray:
-        nonlocal simulated
-        del here
-        simulated += 1
-        return matrix + 0.01 * np.array([[2 * x[0], 0.0], [0.0, 2 * x[1]], [x[1], x[0]]])
-
-    found = output_error._Slopes(residual, slopes)
-    found(np.array([1.0, 1.0]))
-    mended = found(np.array([1.4, 0.7]))
-    assert simulated == 1
-    # the secant condition
-    step = np.array([0.4, -0.3])
-    expected = residual(np.array([1.4, 0.7])) - residual(np.array([1.0, 1.0]))
-    assert mended @ step == pytest.approx(expected, rel=1e-9)
-    matrix = -matrix
-    found(np.array([1.0, 1.0]))
-    assert simulated == 2

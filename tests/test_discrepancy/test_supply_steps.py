@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 from few import few
-from hypothesis import given
-from hypothesis import settings as examples
-from hypothesis import strategies as st
 from reported_diagnosis import hypothesis
 
 from bender_compiled.simulation import Drive, Simulator
@@ -13,7 +10,6 @@ from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import judge
 from bender_discrepancy.fitting.scans.chosen import scan_any
-from bender_discrepancy.fitting.scans.supply_steps import _SeenThrough, _step_response
 from bender_discrepancy.records.observations import observe
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -87,34 +83,3 @@ def test_fine_steps_are_found_where_every_command_is_another_and_their_rounding_
     form = hypothesis(PAPER, [record], ("supply_quantisation", (step_V,))).parts[0].form
     best = scan_any(problem(record), Hypothesis(), form, 0.2)[0]
     assert best.values[0] == pytest.approx(step_V, rel=2e-3)
-
-
-def test_a_step_response_foretells_a_small_step() -> None:
-    record = rung(0.0)
-    seen = observe(record)
-    response = _step_response(PAPER, seen)
-    time_s = ROW_S * np.arange(1.0, 400.0)
-    middle = 0.5 * float(record.voltage_V.min() + record.voltage_V.max())
-    volts = (np.array([middle, middle]), np.array([middle, middle + 0.1]))
-    still, stepped = (Simulator(Drive(time_s, np.array([-50.0, 0.0]), x)).run(PAPER).reading_um for x in volts)
-    assert response[:399] == pytest.approx((stepped - still) / 0.1, abs=0.02)
-
-
-@examples(max_examples=30)
-@given(st.integers(1, 40), st.integers(1, 60), st.integers(0, 1000))
-def test_what_is_seen_through_a_response_is_a_convolution(rows: int, response: int, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    x, s = rng.standard_normal(rows), rng.standard_normal(response)
-    seen = _SeenThrough(np.zeros(rows), x, np.ones(rows, dtype=np.bool_), s)
-    assert seen._passed_on(x) == pytest.approx(np.convolve(x, s)[:rows], abs=1e-10)
-    # the weights are what the residual says of one volt more at each row alone
-    moved = [np.convolve(np.diff(np.eye(rows)[k], prepend=0.0), s)[:rows] @ x for k in range(rows)]
-    assert seen.weights() == pytest.approx(np.array(moved), abs=1e-10)
-
-
-def test_what_is_left_without_rounding_is_foretold() -> None:
-    seen = _SeenThrough(
-        np.array([0.4, 1.4, 2.6]), np.array([-0.3, -0.3, 0.5]), np.ones(3, dtype=np.bool_), np.array([1.0, 1.0, 1.0])
-    )
-    # rounding to 1 V moves the readings by -0.4, -0.4 and 0.4 um, each until the next row's change
-    assert seen.without_rounding(1.0) == pytest.approx(np.sum((np.array([0.1, 0.1, 0.1]) - 0.1) ** 2), abs=1e-12)

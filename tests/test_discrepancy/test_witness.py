@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -295,20 +294,3 @@ def test_after_one_sine_an_effect_that_the_read_back_shows_is_named():
     open_ = diagnose(read_model("beam"), [plain])
     assert open_.verdict == "ambiguous"
     assert "source_resistance" in open_.to_dict()["columns_that_would_tell"][0]["tells"]
-
-
-@pytest.mark.slow
-def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
-    case = next(x for k in range(1, 80, 8) if (x := witnessed_case(k, 2)).effect == "source_resistance")
-    found = diagnose(read_model("paper"), [case.record])
-    assert (found.verdict, [x.id for x in found.added]) == ("named", ["source_resistance"])
-    assert any("read-back voltage shows source_resistance" in x for x in found.to_dict()["warnings"])
-    assert "read-back voltage shows" in found.report()
-    plain = replace(case.record, supply_voltage_V=None, temperature_C=None)
-    open_ = diagnose(read_model("paper"), [plain])
-    assert (open_.verdict, found.to_dict()["columns_that_would_tell"]) == ("ambiguous", [])
-    missing, _ = open_.to_dict()["columns_that_would_tell"]
-    assert (missing["column"], missing["tells"]) == ("supply_voltage_V", ["source_resistance"])
-    assert missing["why"] in " ".join("\n".join(open_.summary(Path("out"))).split())
-    assert "What to record as well" in open_.report()
-    assert "What to record as well" not in found.report()
