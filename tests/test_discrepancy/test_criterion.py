@@ -1,4 +1,4 @@
-"""The information criterion against hand numbers, and the autocorrelation time against statsmodels and a textbook."""
+"""What makes one hypothesis better than another: the criterion, innovations and scores."""
 
 import math
 from types import SimpleNamespace
@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import settings as examples
 from hypothesis import strategies as st
+from statsmodels.regression.linear_model import yule_walker
 from statsmodels.tsa.stattools import acf
 
 from bender_discrepancy.fitting.criterion import (
@@ -19,6 +21,9 @@ from bender_discrepancy.fitting.criterion import (
     price,
     yardstick,
 )
+from bender_discrepancy.fitting.whitening import whitening
+from bender_discrepancy.search.judgement.probability import Case, probability
+from bender_discrepancy.search.judgement.score import difference, likelihood_deviate, log_deviate, normal_deviate
 
 ALL = np.ones(2000, dtype=bool)
 
@@ -156,3 +161,170 @@ def test_a_beginning_that_fits_gains_nothing_on_the_rows_of_choices():
     by = yardstick(of_records(ALL), fitted(residuals=(noise,)), 300)
     begun, better = fitted(residuals=(noise + bump,)), fitted(residuals=(noise,))
     assert cost(better, by) < cost(begun, by) - by.threshold
+
+
+ROWS = 4000
+EVERY_ROW = np.ones(ROWS, dtype=bool)
+
+
+def process(coefficients: tuple[float, ...], seed: int, rows: int = ROWS) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    values = np.zeros(rows + 200)
+    for k in range(len(coefficients), values.size):
+        values[k] = rng.normal() + sum(a * values[k - 1 - j] for j, a in enumerate(coefficients))
+    return values[200:]
+
+
+@pytest.mark.parametrize("coefficients", [(0.7,), (1.2, -0.5), (0.3, 0.2, -0.4)])
+def test_the_filter_is_that_of_statsmodels(coefficients: tuple[float, ...]) -> None:
+    values = process(coefficients, 3)
+    found = whitening(values, EVERY_ROW).coefficients
+    assert len(coefficients) <= found.size <= len(coefficients) + 2
+    # of pairs of rows, as the covariances here: the adjusted ones
+    theirs: Any = yule_walker(values, order=found.size, method="adjusted", result_object=True)
+    assert found == pytest.approx(theirs.rho, abs=1e-6)
+
+
+def test_innovations_have_the_variance_of_what_drives_the_process() -> None:
+    values = process((0.95,), 5, 100_000)
+    usable = np.ones(values.size, dtype=bool)
+    left = whitening(values, usable).innovations(values)
+    assert float(np.var(left)) == pytest.approx(1.0, rel=0.03)
+    assert float(np.var(values)) == pytest.approx(1.0 / (1.0 - 0.95**2), rel=0.2)
+    assert abs(float(np.corrcoef(left[1:], left[:-1])[0, 1])) < 0.02
+
+
+def test_white_noise_is_left_as_it_is() -> None:
+    values = np.random.default_rng(8).normal(size=ROWS)
+    filtered = whitening(values, EVERY_ROW)
+    assert filtered.coefficients.size == 0
+    assert filtered.innovations(values) == pytest.approx(values)
+
+
+@given(st.floats(1e-9, 1e9), st.integers(0, 5))
+@examples(max_examples=20)
+def test_the_unit_of_the_residual_does_not_matter_of_whitening(scale: float, seed: int) -> None:
+    values = process((0.8,), seed, 600)
+    usable = np.arange(600) % 50 > 0
+    one, other = whitening(values, usable), whitening(scale * values, usable)
+    assert one.coefficients == pytest.approx(other.coefficients, rel=1e-6, abs=1e-9)
+    assert scale * one.innovations(values) == pytest.approx(one.innovations(scale * values), rel=1e-9)
+
+
+def test_what_is_read_in_rows_that_do_not_count_changes_nothing() -> None:
+    values, usable = process((0.8,), 4), np.ones(ROWS, dtype=bool)
+    usable[500:700] = False
+    usable[::37] = False
+    spoiled = np.where(usable, values, 1e6)
+    lost = np.where(usable, values, np.nan)
+    first = whitening(values, usable)
+    for other in (spoiled, lost):
+        second = whitening(other, usable)
+        assert first.coefficients == pytest.approx(second.coefficients)
+        assert first.innovations(values) == pytest.approx(second.innovations(other))
+    left = first.innovations(values)
+    assert left.size == int(usable[first.coefficients.size :].sum())
+
+
+def test_a_slow_residual_does_not_hide_what_a_quick_one_gains() -> None:
+    # a drift that stays, and pulses that the better hypothesis has taken away
+    rng = np.random.default_rng(2)
+    drift = np.cumsum(0.05 * rng.normal(size=ROWS))
+    pulses = np.where(np.arange(ROWS) % 80 < 3, 0.6, 0.0)
+    noise = 0.05 * rng.normal(size=ROWS)
+    worse, better = drift + pulses + noise, drift + noise
+    seen = whitening(better, EVERY_ROW)
+    plain = math.log(float(np.sum(worse**2)) / float(np.sum(better**2)))
+    weighed = math.log(float(np.sum(seen.innovations(worse) ** 2)) / float(np.sum(seen.innovations(better) ** 2)))
+    assert weighed > 5.0 * abs(plain)
+
+
+def test_a_residual_of_nothing_has_no_filter() -> None:
+    assert whitening(np.zeros(100), np.ones(100, dtype=bool)).coefficients.size == 0
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+SCORED = 400
+COUNTED = (np.ones(SCORED, dtype=np.bool_),)
+
+
+def noise(seed: int, size: int = SCORED) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(size)
+
+
+@given(SEEDS, st.floats(0.2, 5.0))
+@examples(max_examples=40)
+def test_what_is_gained_on_one_side_is_lost_on_the_other(seed: int, size: float) -> None:
+    one, other = (noise(seed),), (size * noise(seed + 1),)
+    ahead, behind = difference(one, other, COUNTED), difference(other, one, COUNTED)
+    assert ahead.deviations == pytest.approx(-behind.deviations, rel=1e-6, abs=1e-9)
+    assert ahead.ratio * behind.ratio == pytest.approx(1.0)
+    squares = one[0] ** 2, other[0] ** 2
+    assert log_deviate(*squares) == pytest.approx(-log_deviate(*squares[::-1]), rel=1e-6, abs=1e-9)
+    assert math.copysign(1.0, likelihood_deviate(one, other, COUNTED)) == (1.0 if ahead.ratio > 1.0 else -1.0)
+
+
+@given(SEEDS, st.floats(1e-3, 1e3))
+@examples(max_examples=30)
+def test_no_score_depends_on_the_unit_of_the_errors(seed: int, scale: float) -> None:
+    one, other = noise(seed), 1.3 * noise(seed + 1)
+    scaled = difference((scale * one,), (scale * other,), COUNTED)
+    assert scaled.deviations == pytest.approx(difference((one,), (other,), COUNTED).deviations, rel=1e-6, abs=1e-6)
+    squares = one**2, other**2
+    expected = log_deviate(*squares)
+    assert log_deviate(*(scale**2 * x for x in squares)) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+@given(SEEDS, st.floats(0.5, 3.0))
+@examples(max_examples=30)
+def test_structure_that_only_one_leaves_counts_for_the_other(seed: int, size: float) -> None:
+    """Beside noise without a share of it: such a share, by chance, hides a small structure or shows it too well."""
+    structure = np.sin(0.3 * np.arange(SCORED))
+    errors = noise(seed)
+    errors -= (errors @ structure) / (structure @ structure) * structure
+    worse = errors + size * structure
+    found = difference((errors,), (worse,), COUNTED)
+    assert found.ratio == pytest.approx(1.0 + size**2 * (structure @ structure) / (errors @ errors))
+    assert found.deviations > 2.0
+    assert likelihood_deviate((errors,), (worse,), COUNTED) > 2.0
+
+
+def test_chance_is_no_better_than_chance() -> None:
+    """Of two equally good hypotheses one is ahead by two standard errors about as rarely as a normal deviate is."""
+    found = [difference((noise(k),), (noise(10_000 + k),), COUNTED).deviations for k in range(400)]
+    assert np.mean(np.abs(found) > 1.96) < 0.10
+    assert abs(float(np.mean(found))) < 0.2
+
+
+def test_rows_that_do_not_count_decide_nothing() -> None:
+    counted = np.arange(SCORED) % 4 > 0
+    one, other = noise(1), 1.5 * noise(2)
+    wild = np.where(counted, other, 1e6)
+    assert difference((one,), (wild,), (counted,)) == difference((one,), (other,), (counted,))
+
+
+@given(SEEDS, st.integers(3, 40), st.floats(-2.0, 2.0))
+@examples(max_examples=30)
+def test_a_deviate_is_that_of_the_t_test(seed: int, count: int, shift: float) -> None:
+    from scipy.stats import norm, ttest_1samp
+
+    gains = noise(seed, count) + shift
+    expected: Any = ttest_1samp(gains, 0.0)
+    assert normal_deviate(gains) == pytest.approx(
+        math.copysign(float(norm.isf(max(expected.pvalue, 1e-300) / 2.0)), expected.statistic), rel=1e-6, abs=1e-9
+    )
+
+
+UNIT = st.floats(-1.0, 2.0)
+SQUARES = st.floats(0.0, 1e6)
+
+
+@given(st.floats(-10.0, 50.0), SQUARES, SQUARES, UNIT, st.floats(0.0, 5.0))
+def test_more_evidence_makes_an_effect_more_probable(
+    deviations: float, rest_um2: float, left_um2: float, closed: float, more: float
+) -> None:
+    before = probability(Case.of(deviations, rest_um2, left_um2, closed))
+    assert 0.0 < before < 1.0
+    assert probability(Case.of(deviations + more, rest_um2, left_um2, closed)) >= before
+    assert probability(Case.of(deviations, rest_um2, left_um2, closed + more)) >= before
+    assert probability(Case.of(deviations, rest_um2 * (1.0 + more), left_um2, closed)) >= before - 1e-12

@@ -8,15 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from reported_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
+from scipy.signal import lfilter
 
 from bender_compiled.simulation import Simulator
+from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
-from bender_discrepancy.conclusion.measurement.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, recalibrated_readings
+from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import predicted_errors
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import observe, turns_plays
+from bender_discrepancy.search.judgement.grades import contradicted, grade, relevant_part
+from bender_discrepancy.search.judgement.probability import Case, probability
+from bender_discrepancy.search.judgement.rules import Rules
+from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import conclude, diagnose
 from bender_loop.errors import InputError
@@ -154,3 +161,142 @@ def test_the_clock_of_a_placed_beginning_is_the_records() -> None:
     for x in beginnings(observe(record), PAPER):
         assert np.array_equal(x.time_s, FRAME_S * np.arange(record.time_s.size))
         assert np.array_equal(x.command_V, record.voltage_V)
+
+
+LAG, HUM = ("source_resistance", (0.06,)), ("periodic_disturbance", (0.5, 0.0, 1.3))
+LAGGING = {"source_resistance": {"time_constant_s": 0.06}}
+
+
+@pytest.fixture(scope="module")
+def lagging():
+    """A lag, found with a hum that is not there."""
+    record = record_of(effects=LAGGING)
+    both = hypothesis(PAPER, [record], LAG, HUM)
+    return told([record], both, [hypothesis(PAPER, [record], x) for x in (LAG, HUM)])
+
+
+@given(st.floats(0.0, 20.0), st.floats(1.0, 1e6), st.floats(0.0, 1.0), st.floats(-0.5, 1.0))
+def test_rows_that_no_choice_saw_only_take_from_a_probability(
+    deviations: float, ratio: float, closed: float, unseen: float
+):
+    case = Case.of(deviations, 1.0, 1.0 / ratio, closed)
+    after = case.seen_by_none(unseen)
+    assert probability(after) <= probability(case)
+    assert after.closed <= case.closed
+    assert case.seen_by_none(1.0).deviations == case.deviations
+
+
+def test_nothing_is_certain_that_unseen_rows_contradict(lagging) -> None:
+    effect = lagging.grades.effects[0]
+    assert effect.probability > 0.9
+    doubted = [contradicted(replace(effect, grade="certain"), x) for x in (0.8, 0.4, 0.0)]
+    assert all(x.grade != "certain" for x in doubted)
+    assert sorted((x.probability for x in doubted), reverse=True) == [x.probability for x in doubted]
+    assert doubted[-1].probability < effect.probability - 0.1
+
+
+def test_a_named_effect_that_unseen_rows_contradict_becomes_likely(lagging, monkeypatch: pytest.MonkeyPatch) -> None:
+    sure = tuple(replace(x, grade="certain") for x in lagging.grades.effects)
+    found = replace(
+        lagging, grades=replace(lagging.grades, effects=sure), verdict=Verdict("named", "by hand", complete=False)
+    )
+    monkeypatch.setattr(Measured, "falls_short", lambda _self, _closes: True)
+    diagnosis = conclude(found, ["record.csv"], lambda _: None)
+    said = diagnosis.to_dict()
+    assert said["verdict"] == "likely"
+    assert all(x["grade"] != "certain" for x in said["effects"])
+    assert "held-out readings" in diagnosis.findings.reason
+
+
+def test_an_effect_that_nobody_would_miss_is_left_out(lagging) -> None:
+    searched = lagging.found
+    assert [x.grade == "certain" for x in grade(searched, Rules()).effects] == [True, False]
+    assert relevant_part(searched, Rules()).best.hypothesis.effects == ("source_resistance",)
+
+
+def test_a_certain_effect_that_nobody_would_miss_stays_only_where_it_explains_the_rest() -> None:
+    small = ("periodic_disturbance", (0.2, 0.0, 1.3))
+    hum = {"periodic_disturbance": {"sine_um": 0.2, "cosine_um": 0.0, "frequency_Hz": 1.3}}
+    record = record_of(effects={**LAGGING, **hum})
+    clicks = replace(record, displacement_um=record.displacement_um + 0.12 * np.sign(np.sin(9.0 * record.time_s)))
+    kept = []
+    for readings in (record, clicks):
+        both = hypothesis(PAPER, [readings], LAG, small)
+        found = told([readings], both, [hypothesis(PAPER, [readings], x) for x in (LAG, small)]).found
+        told_grades = {x.id: x.grade for x in grade(found, Rules()).effects}
+        # beside clicks that nothing explains, what knows the time alone is not certain
+        assert told_grades == {
+            "source_resistance": "certain",
+            "periodic_disturbance": "certain" if readings is record else "likely",
+        }
+        kept.append(relevant_part(found, Rules(relevant=0.02)).best.hypothesis.effects)
+    assert kept == [("source_resistance", "periodic_disturbance"), ("source_resistance",)]
+
+
+def test_two_effects_of_which_each_is_missed_both_stay() -> None:
+    effects = {**LAGGING, "periodic_disturbance": {"sine_um": 2.0, "cosine_um": 0.0, "frequency_Hz": 1.3}}
+    record = record_of(effects=effects)
+    large = ("periodic_disturbance", (2.0, 0.0, 1.3))
+    both = hypothesis(PAPER, [record], LAG, large)
+    found = told([record], both, [hypothesis(PAPER, [record], x) for x in (LAG, large)]).found
+    assert relevant_part(found, Rules(relevant=0.02)).best is found.best
+
+
+def test_a_residual_that_nobody_would_miss_makes_no_verdict() -> None:
+    searched = told(
+        [record_of(effects={"periodic_disturbance": {"sine_um": 0.1, "cosine_um": 0.0, "frequency_Hz": 1.3}})]
+    ).found
+    words = [decide(searched, grade(searched, x), x).word for x in (Rules(relevant=0.0), Rules(relevant=0.02))]
+    assert words == ["unexplained", "no_gap"]
+
+
+@pytest.fixture(scope="module")
+def both():
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
+    best = hypothesis(PAPER, [record], LAG, HUM)
+    return told([record], best, [hypothesis(PAPER, [record], x) for x in (LAG, HUM)])
+
+
+def test_shares_add_up_to_what_the_hypothesis_closes(both) -> None:
+    archive, base, best = both.archive, both.found.base, both.best
+    shares = shares_of_gap(archive, base, best)
+    gap, left = (held_square_um2(x, archive.problem) - archive.noise_um**2 for x in (base, best))
+    assert set(shares) == set(best.hypothesis.effects)
+    assert sum(shares.values()) == pytest.approx(1.0 - max(left, 0.0) / gap, abs=1e-6)
+    assert shares["source_resistance"] > 0.9 > 0.1 > shares["periodic_disturbance"]
+
+
+def test_the_order_of_the_effects_does_not_matter(both) -> None:
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
+    other = told([record], hypothesis(PAPER, [record], HUM, LAG), [hypothesis(PAPER, [record], x) for x in (LAG, HUM)])
+    one = shares_of_gap(both.archive, both.found.base, both.best)
+    assert shares_of_gap(other.archive, other.found.base, other.best) == pytest.approx(one, abs=1e-6)
+
+
+def test_an_effect_alone_has_all_that_is_closed() -> None:
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
+    alone = told([record], hypothesis(PAPER, [record], LAG), [])
+    assert contenders(alone)[0].share_of_gap == pytest.approx(1.0, abs=0.01)
+
+
+def test_calibration_stands_only_where_it_predicts_blocks_that_it_was_not_fitted_to() -> None:
+    off = told([record_of(gain=0.9)], word="recalibrated")
+    given, alone = recalibrated_readings(off)
+    assert abs(alone[0] - given[0]).max() > 1.0
+    true = told([record_of()], word="no_gap")
+    given, _ = recalibrated_readings(true)
+    measured = [x.measured_um for x in true.problem.observations]
+    # the readings themselves: nothing can predict better
+    assert after_calibration(true, measured, measured) is measured
+
+
+def test_calibration_that_gains_less_than_its_error_hardly_ever_stands(both) -> None:
+    """Of readings that wander about the model as given, gain and offset follow the wandering."""
+    measured, stood = both.problem.observations[0].measured_um, 0
+    for seed in range(40):
+        left = np.asarray(lfilter([1.0], [1.0, -0.98], np.random.default_rng(seed).normal(size=measured.size)))
+        fitted = replace(both.found.base, residuals=(left - left.mean(),))
+        simulated = [measured - left]
+        wandering = replace(both, found=replace(both.found, base=fitted))
+        stood += after_calibration(wandering, simulated, simulated) is not simulated
+    assert stood <= 12

@@ -1,6 +1,7 @@
 """What is told of a diagnosis: numbers against other ways to the same numbers, words against the contract."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,19 +14,30 @@ from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome
-from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.measurement.corrected_model import Gap
+from bender_discrepancy.conclusion.findings import Findings, find, span_of
+from bender_discrepancy.conclusion.measurement.corrected_model import Gap, straight_beyond
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.measurement.playable import playable
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
+from bender_discrepancy.conclusion.numbers import number
 from bender_discrepancy.conclusion.sentences import evidence, gap_sentence
+from bender_discrepancy.diagnosis import DIAGNOSIS, FILES, Diagnosis
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.experiment.design import Experiment
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
+from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.report.page import report_page
+from bender_discrepancy.report.summary import summary
+from bender_discrepancy.rivals import rival_models
 from bender_discrepancy.settings import Settings
+from bender_loop.fmu.diagnosed import diagnosed
+from bender_loop.fmu.file import read_description
 from bender_loop.records.record import Record
-from bender_plant.model import load_model, model_from_table
+from bender_plant.model import Model, load_model, model_from_table
+from bender_plant.valid_range import ValidRange
 
 CONTRACT_KEYS = {"verdict", "effects", "recalibrated", "where", "gap", "next_experiment", "model", "fmu"}
 EFFECT_KEYS = {"id", "title", "stage", "parameters", "evidence", "share_of_gap", "rivals"}
@@ -276,3 +288,155 @@ def test_untimed_rows_are_read_when_all_has_settled(tmp_path: Path):
     assert {place["axis"] for place in result["where"]} <= {"voltage", "direction"}
     above_zero = measured.after_um[0] - measured.after_um[0][0]
     assert above_zero == pytest.approx(record.voltage_V * above_zero[1], abs=1e-4)
+
+
+LAGGING = {"source_resistance": {"time_constant_s": 0.06}}
+
+
+@pytest.mark.parametrize("difference", [math.inf, -math.inf])
+def test_a_rival_that_cannot_be_weighed_has_no_number(difference: float, tmp_path: Path) -> None:
+    record = record_of(effects=LAGGING, voltage_V=np.repeat([0.0, 20.0, 40.0, 10.0], 25))
+    best, rival = (hypothesis(load_model("paper"), [record], (x, (0.06,))) for x in ("source_resistance", "sensor_lag"))
+    search = told([record], best, [rival], word="ambiguous")
+    (effect,) = search.grades.effects
+    rivals = tuple(replace(x, difference=difference) for x in effect.rivals)
+    assert rivals
+    grades = replace(search.grades, effects=(replace(effect, rivals=rivals, difference=math.inf),))
+    findings = find(replace(search, grades=grades))
+    measured = measure(findings.search, findings.model, findings.calibration, tmp_path / "model.fmu")
+    result = outcome(findings, measured)
+    told_again = json.loads(json.dumps(result, allow_nan=False))
+    assert told_again["effects"][0]["rivals"][0]["delta_bic"] is None
+    assert told_again["effects"][0]["delta_bic_without"] is None
+    assert "and there are too few readings to choose between them" in " ".join(
+        " ".join(summary(findings, measured, result, tmp_path)).split()
+    )
+    assert "inf" not in report_page(findings, measured, result).split("<body")[1].replace("information", "").split()
+
+
+@pytest.mark.parametrize(("gain", "another"), [(1.2, False), (8.0, False), (13.0, True), (0.07, True), (-0.5, True)])
+def test_records_that_rise_otherwise_than_the_model_are_those_of_another_device(gain: float, another: bool):
+    record = record_of(gain=gain)
+    assert find(told([record], word="recalibrated")).is_another_device is another
+    assert (doubt(load_model("paper"), record, Settings()) is not None) is another
+
+
+def test_readings_that_follow_nothing_are_no_other_device():
+    record = record_of()
+    noise_um = 0.06 * np.random.default_rng(3).standard_normal(len(record))
+    assert doubt(load_model("paper"), Record(record.time_s, record.voltage_V, noise_um), Settings()) is None
+
+
+def test_a_gain_that_an_effect_has_taken_over_makes_no_other_device():
+    search = told([record_of()], word="named")
+    taken = replace(search.found.best, calibration=replace(search.found.best.calibration, gain=-0.05))
+    assert find(replace(search, found=replace(search.found, best=taken))).is_another_device is False
+
+
+def test_a_size_at_the_end_of_what_is_typical_is_usual():
+    span = span_of(told([record_of()], word="no_gap"))
+    low, high = 0.005, 0.12
+    for value, unusual in ((1.003 * high, False), (1.1 * high, True), (0.997 * low, False), (0.8 * low, True)):
+        found = number(EFFECTS["transport_delay"], "delay_s", value, 1e-5, span, True)
+        assert found.typical == (low, high)
+        assert found.unusual is unusual
+
+
+@pytest.mark.parametrize(
+    ("distance_um", "unexplained_um", "decides"), [(1.2, 0.0, True), (0.0004, 0.0, False), (0.08, 0.3, False)]
+)
+def test_an_experiment_decides_where_rivals_differ_by_more_than_noise_and_the_unexplained(
+    distance_um: float, unexplained_um: float, decides: bool
+):
+    found = Experiment("a staircase", np.arange(31.0), np.linspace(0.0, 50.0, 31), distance_um, 0.06, unexplained_um)
+    assert found.tells_apart is decides
+
+
+@pytest.mark.parametrize(
+    ("first_s", "step_s", "untimed", "is_said"),
+    [(0.0, 1.0, False, True), (1.0, 1.0, False, True), (0.0, 1.0, True, False), (0.0, 0.5, False, False)],
+)
+def test_times_that_are_the_numbers_of_the_rows_may_be_no_seconds(
+    first_s: float, step_s: float, untimed: bool, is_said: bool
+):
+    record = record_of()
+    numbered = Record(
+        first_s + step_s * np.arange(len(record), dtype=np.float64), record.voltage_V, record.displacement_um
+    )
+    search = told([numbered], word="recalibrated")
+    found = find(replace(search, settings=replace(search.settings, untimed=untimed)))
+    assert any("numbers of the rows" in x for x in warnings(found)) is is_said
+
+
+# on either side of a linear plant a lag is the same
+BASE, LAG_S = "beam", 0.03
+SIDES = "source_resistance", "sensor_lag"
+
+
+@pytest.fixture(scope="module")
+def ambiguous() -> Findings:
+    base = load_model(BASE)
+    record = record_of(BASE, effects={SIDES[0]: {"time_constant_s": LAG_S}})
+    best, rival = (hypothesis(base, [record], (name, (LAG_S,))) for name in SIDES)
+    return find(told([record], best, [rival], word="ambiguous", base=base))
+
+
+def test_a_rival_has_its_own_effect_refitted_and_not_that_of_the_leader(ambiguous: Findings):
+    (rival,) = rival_models(ambiguous)
+    assert rival.effects == (SIDES[1],)
+    values = rival.model.values()
+    assert values["sensor_lag.time_constant"] == pytest.approx(LAG_S, rel=0.1)
+    assert "source_resistance.time_constant" not in values
+    assert rival.model.valid == ambiguous.model.valid
+    assert SIDES[0] in {x.id for x in ambiguous.model.blocks}
+
+
+def test_a_verdict_that_is_not_open_leaves_none(ambiguous: Findings):
+    search = ambiguous.search
+    named = replace(search, verdict=replace(search.verdict, word="named"))
+    assert rival_models(find(named)) == ()
+
+
+def test_the_files_are_those_that_the_diagnosis_names_and_a_tuning_finds_them(ambiguous: Findings, tmp_path: Path):
+    fmu = tmp_path / "measured.fmu"
+    gap = measure(ambiguous.search, ambiguous.model, ambiguous.calibration, fmu)
+    diagnosis = Diagnosis(ambiguous, gap, None, None, ("record.csv",), fmu.read_bytes())
+    out = tmp_path / "out"
+    out.mkdir()
+    diagnosis.write(out, report=False)
+    told_rivals = json.loads((out / DIAGNOSIS).read_text())["rival_models"]
+    assert told_rivals == [{"effects": [SIDES[1]], "model": "rival-1.toml", "fmu": "rival-1.fmu"}]
+    assert {x.name for x in out.iterdir()} <= set(FILES)
+    (found,) = diagnosed(out / "model.toml").rivals
+    assert load_model(found.model) == rival_models(ambiguous)[0].model
+    starts = {x.name: x.start for x in read_description(found.fmu).modelVariables}
+    assert float(starts["sensor_lag.time_constant"]) == pytest.approx(LAG_S, rel=0.1)
+
+
+CURVES = {
+    "output_curve": {"quadratic_1_per_um": 0.002, "quintic_1_per_um4": 1e-7},
+    "lens_distortion": {"quadratic_1_per_um": 0.002, "quintic_1_per_um4": 1e-7},
+    "electrostriction": {"coefficient_um_per_V2": 0.001},
+}
+
+
+def read(model: Model, volts: np.ndarray) -> np.ndarray:
+    return Simulator(Drive.of_rows(np.arange(volts.size) / 30.0, volts, linear=False)).run(model).reading_um
+
+
+@pytest.mark.parametrize("effect", CURVES)
+def test_inside_nothing_changes_and_beyond_it_runs_on_along_a_line(effect: str) -> None:
+    record = record_of(voltage_V=levels(30.0))
+    curved = load_model("beam").with_block(effect, **CURVES[effect])
+    valid = ValidRange(float(record.voltage_V.min()), float(record.voltage_V.max()), 30.0)
+    straight = straight_beyond(curved, [effect], valid, [observe(record)])
+    assert read(straight, record.voltage_V) == pytest.approx(read(curved, record.voltage_V), rel=1e-12, abs=1e-12)
+    at = [float(read(straight, np.full(200, x * valid.highest_V))[-1]) for x in (2.0, 3.0, 4.0)]
+    assert at[2] - at[1] == pytest.approx(at[1] - at[0], rel=1e-6)
+    wild = [float(read(curved, np.full(200, x * valid.highest_V))[-1]) for x in (2.0, 3.0, 4.0)]
+    assert wild[2] - wild[1] > 1.02 * (wild[1] - wild[0])
+
+
+def test_other_blocks_stay_as_they_are() -> None:
+    model = load_model("paper").with_block("output_curve", cubic_1_per_um2=1e-4)
+    assert straight_beyond(model, ["source_resistance"], ValidRange(0.0, 50.0, 1.0), []) == model

@@ -1,6 +1,7 @@
 """Several inputs and outputs of one FMU: an arm in C with a command and a load, a tip and a force."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +11,8 @@ from few import few_rows
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
+from bender_discrepancy.fitting.journal import UNFINISHED, current_journal
+from bender_discrepancy.foreign import outputs, outputs_report
 from bender_discrepancy.foreign.joint_explanations import (
     NOTHING,
     Correction,
@@ -19,6 +22,7 @@ from bender_discrepancy.foreign.joint_explanations import (
 )
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs_report import sentence, titles
+from bender_discrepancy.search.result import Interrupted
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record
 from bender_loop.records.record import read_record
@@ -294,3 +298,74 @@ def test_what_an_output_has_inside_by_itself_is_no_matter_where_something_around
     one = SimpleNamespace(added=(SimpleNamespace(id="tip_mass"),), model=load_model("paper"))
     told = Together({"a": one, "b": one}, found, {}, {}, needing_inside=frozenset("b"))  # type: ignore[arg-type]
     assert told.inside == {"b": ("tip_mass",)}
+
+
+class _Diagnosed:
+    """The diagnosis of one output."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def write(self, folder: Path) -> None:
+        (folder / "diagnosis.json").write_text(self._text, encoding="utf-8")
+
+
+@pytest.fixture
+def words(arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    record = tmp_path / "record.csv"
+    rows = np.column_stack([0.02 * np.arange(100), *np.random.default_rng(1).standard_normal((3, 100))])
+    head = "time [s],command [V],tip [mm],force [N]"
+    np.savetxt(record, rows, fmt="%.9g", delimiter=",", header=head, comments="")
+    monkeypatch.setattr(outputs_report, "write", lambda _found, _folders, out: (out / "outputs.json").write_text("{}"))
+    monkeypatch.setattr(outputs_report, "summary", lambda _found: ["named"])
+    return ["diagnose", str(record), "--fmu", str(arm), *TWO]
+
+
+def _told(monkeypatch: pytest.MonkeyPatch, function: Callable[[Callable[..., None]], object]) -> None:
+    """Let a function of `keep` stand for the diagnosis."""
+    monkeypatch.setattr(outputs, "diagnose_outputs", lambda *given: function(given[-2]))
+
+
+@pytest.mark.parametrize("complete", [[], ["tip"]])
+def test_what_an_interrupt_advises_works(
+    words: list[str],
+    complete: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+
+    def interrupted(keep: Callable[..., None]) -> None:
+        journal = current_journal()
+        assert journal is not None
+        journal.entries["fit"] = [1.0]
+        for name in complete:
+            keep(name, _Diagnosed("first"))
+        raise Interrupted(SimpleNamespace())  # type: ignore[arg-type]
+
+    _told(monkeypatch, interrupted)
+    assert main([*words, "--out", str(out)]) == 130
+    assert f"go on with --resume {out}" in capsys.readouterr().err
+    assert {x.name for x in out.iterdir()} == {*complete, UNFINISHED}
+
+    def ended(keep: Callable[..., None]) -> object:
+        journal = current_journal()
+        assert journal is not None
+        assert journal.recall("fit") == [1.0]
+        for name in ("tip", "force"):
+            keep(name, _Diagnosed("again"))
+        return SimpleNamespace()
+
+    _told(monkeypatch, ended)
+    assert main([*words, "--resume", str(out)]) == 0
+    assert {x.name for x in out.iterdir()} == {"tip", "force", "outputs.json"}
+    assert (out / "tip" / "diagnosis.json").read_text(encoding="utf-8") == "again"
+
+
+def test_without_resume_an_earlier_diagnosis_stays(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out" / "tip").mkdir(parents=True)
+    assert main([*words, "--out", str(tmp_path / "out")]) == 2
+    assert "is there already; choose another --out" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What the read-back voltage and the temperature exclude; and that they never exclude what is there."""
+"""What read-back voltage, current and temperature exclude and show, and which columns are asked for."""
 
 import math
 from dataclasses import replace
@@ -6,17 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from few import few
+from hypothesis import given
+from hypothesis import strategies as st
 from reported_diagnosis import FRAME_S, record_of
 
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.records.checks import read_model
+from bender_discrepancy.witnesses.ammeter import slew_range_V_per_s
+from bender_discrepancy.witnesses.missing_columns import missing_columns
 from bender_discrepancy.witnesses.read_back import read_back as counted_rows
 from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_discrepancy.workflow import diagnose
 from bender_loop.records.record import Record
 from bender_proving import Bench, make_case
-from bender_proving.cases.witnessed import witnessed_case
+from bender_proving.cases.witnessed import SITUATIONS, witnessed_case
 
 RATE_HZ, FINE = 30.0, 100
 
@@ -294,3 +298,146 @@ def test_after_one_sine_an_effect_that_the_read_back_shows_is_named():
     open_ = diagnose(read_model("beam"), [plain])
     assert open_.verdict == "ambiguous"
     assert "source_resistance" in open_.to_dict()["columns_that_would_tell"][0]["tells"]
+
+
+ROWS_HZ, CAPACITANCE_F = 30.0, 1e-6
+
+
+def steps(heights_V: list[float], rows: int = 25) -> np.ndarray:
+    levels = np.cumsum([0.0, *heights_V])
+    return np.repeat(levels, [5, *[rows] * len(heights_V)])
+
+
+def charged(volts: np.ndarray, after, noise_A: float, seed: int = 0) -> Record:
+    """A record with the current at the middle of each row; `after(age_s, height_V)` is drawn after a step."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(volts.size) / ROWS_HZ
+    current_A = 2e-6 + noise_A * rng.standard_normal(volts.size)
+    for row in np.flatnonzero(np.diff(volts)) + 1:
+        ages_s = time_s[row:] - time_s[row] + 0.5 / ROWS_HZ
+        current_A[row:] += after(ages_s, volts[row] - volts[row - 1])
+    return Record(time_s, volts, 0.4 * volts, current_A=current_A)
+
+
+def limited(rate_V_per_s: float):
+    def after(ages_s, height_V):
+        return np.sign(height_V) * CAPACITANCE_F * rate_V_per_s * (ages_s < abs(height_V) / rate_V_per_s)
+
+    return after
+
+
+def charging(tau_s: float):
+    return lambda ages_s, height_V: CAPACITANCE_F * height_V / tau_s * np.exp(-ages_s / tau_s)
+
+
+@given(st.floats(20.0, 60.0), st.integers(0, 50))
+def test_the_rate_is_within_what_the_rows_allow(rate_V_per_s: float, seed: int):
+    record = charged(steps([6.0, 8.0, -9.0, 12.0]), limited(rate_V_per_s), 1e-7, seed)
+    found = slew_range_V_per_s([record])
+    assert found is not None
+    assert found[0] <= rate_V_per_s <= found[1]
+    assert found[1] / found[0] < 2.0
+
+
+@given(st.floats(0.003, 3.0), st.floats(1e-9, 1e-6), st.integers(0, 50))
+def test_a_lag_is_no_limit(tau_s: float, noise_A: float, seed: int):
+    record = charged(steps([6.0, 8.0, -9.0, 12.0], 60), charging(tau_s), noise_A, seed)
+    assert slew_range_V_per_s([record]) is None
+
+
+def test_noise_alone_and_a_supply_that_is_fast_enough_show_nothing():
+    assert slew_range_V_per_s([charged(steps([6.0, 8.0]), lambda ages_s, _: 0.0 * ages_s, 1e-6)]) is None
+    assert slew_range_V_per_s([charged(steps([6.0, 8.0]), limited(2000.0), 1e-7)]) is None
+
+
+def test_a_higher_step_that_does_not_reach_the_limit_contradicts_it():
+    volts = steps([6.0, 12.0])
+    found = charged(volts, limited(30.0), 1e-7)
+    current_A = np.array(found.current_A)
+    current_A[30:] = 2e-6
+    assert slew_range_V_per_s([found]) is not None
+    assert slew_range_V_per_s([Record(found.time_s, volts, found.displacement_um, current_A=current_A)]) is None
+
+
+def test_records_of_two_limits_show_none():
+    slow, fast = (charged(steps([9.0, 12.0]), limited(x), 1e-7) for x in (20.0, 60.0))
+    assert slew_range_V_per_s([slow]) is not None
+    assert slew_range_V_per_s([slow, fast]) is None
+
+
+def test_what_the_read_back_voltage_excludes_is_not_shown_by_the_current():
+    record = charged(steps([6.0, 8.0, -9.0, 12.0]), limited(30.0), 1e-7)
+    told = judge_channels([record], FORMS, is_film=True)
+    assert "slew_limit" in told.shown
+    assert any("current stays at its limit" in x for x in told.sentences)
+    faithful = Record(
+        record.time_s,
+        record.voltage_V,
+        record.displacement_um,
+        supply_voltage_V=record.voltage_V + 0.002 * np.random.default_rng(1).standard_normal(len(record)),
+        current_A=record.current_A,
+    )
+    told = judge_channels([faithful], FORMS, is_film=True)
+    assert "slew_limit" not in told.shown
+
+
+@pytest.mark.parametrize("turn", range(6))
+def test_benches_at_their_limit_show_it_whatever_their_landing(turn: int):
+    (number,) = (k for k, x in enumerate(SITUATIONS) if x.shown_by == "ammeter")
+    case = witnessed_case(number + turn * len(SITUATIONS), 78)
+    found = slew_range_V_per_s([case.record])
+    assert found is not None
+    assert found[0] / 1.2 <= case.hidden.magnitude <= found[1] * 1.2
+
+
+ROWS = np.arange(120) / 30.0
+VOLTS = np.repeat([0.0, 10.0, 30.0, 5.0], 30)
+PLAIN = Record(ROWS, VOLTS, VOLTS)
+READ_BACK = replace(PLAIN, supply_voltage_V=VOLTS)
+PROBED = replace(PLAIN, electrode_voltage_V=VOLTS)
+WARM = replace(PLAIN, temperature_C=20.0 + ROWS)
+FEW = np.where(np.arange(120) < 10, VOLTS, np.nan)
+
+
+def columns(*effects, records=(PLAIN,), is_film=True):
+    return {x.column: x.tells for x in missing_columns(map(frozenset, effects), records, is_film=is_film)}
+
+
+def test_where_the_supply_was_read_back_the_electrodes_are_asked_for_alone():
+    sets = ({"source_resistance"}, {"sensor_lag"})
+    assert set(columns(*sets, records=(READ_BACK,))) == {"electrode_voltage_V"}
+    assert not columns(*sets, records=(PROBED,))
+    assert not columns({"slew_limit"}, {"sensor_lag"}, records=(PROBED,))
+
+
+def test_what_all_leaders_have_is_in_question_nowhere():
+    assert not columns({"source_resistance", "creep"}, {"source_resistance", "charge_leakage"})
+    assert not columns({"source_resistance"})
+    assert not columns({"creep"}, {"charge_leakage"})
+
+
+def test_two_effects_of_the_supply_are_told_apart_as_well():
+    assert columns({"slew_limit"}, {"supply_fall_lag"}) == {"supply_voltage_V": ("slew_limit", "supply_fall_lag")}
+
+
+def test_a_drift_is_told_by_the_temperature_and_both_columns_are_named_where_both_tell():
+    assert columns({"thermal_drift"}, {"creep"}) == {"temperature_C": ("thermal_drift",)}
+    both = columns({"thermal_drift", "slew_limit"}, {"creep", "sensor_lag"})
+    assert both == {"supply_voltage_V": ("slew_limit",), "temperature_C": ("thermal_drift",)}
+
+
+@pytest.mark.parametrize(("records", "left"), [((READ_BACK,), set()), ((READ_BACK, PLAIN), set())])
+def test_what_one_record_of_a_bench_has_read_back_is_not_asked_for(records, left):
+    assert set(columns({"slew_limit"}, {"sensor_lag"}, records=records)) == left
+
+
+@pytest.mark.parametrize("read_V", [FEW, np.full(120, np.nan)], ids=["few", "none"])
+def test_a_column_that_says_nothing_is_asked_for(read_V):
+    empty = replace(PLAIN, supply_voltage_V=read_V, temperature_C=read_V)
+    assert set(columns({"slew_limit"}, {"sensor_lag"}, records=(empty,))) == {"supply_voltage_V"}
+    assert set(columns({"thermal_drift"}, {"ageing"}, records=(empty,))) == {"temperature_C"}
+
+
+def test_a_temperature_is_heard_only_where_every_record_has_it():
+    assert not columns({"thermal_drift"}, {"ageing"}, records=(WARM,))
+    assert set(columns({"thermal_drift"}, {"ageing"}, records=(WARM, PLAIN))) == {"temperature_C"}

@@ -1,18 +1,68 @@
-"""An FMU is driven by a process that was begun before there was one as by a new one, and no process is left behind."""
+"""The corrected FMU is driven: by a process begun before, without PythonFMU, at the beginning of a long record."""
 
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bender_compiled.parallel_map import THREADS
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.conclusion.measurement import gap
 from bender_discrepancy.conclusion.measurement.corrected_model import driven
 from bender_discrepancy.conclusion.measurement.driver import Driver
+from bender_discrepancy.conclusion.measurement.gap import _build
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose
 from bender_export.build import build_plant_fmu
 from bender_loop.errors import RunError
+from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record
-from bender_plant.model import load_model
+from bender_native.compilers import own_compiler
+from bender_plant.model import Model, load_model
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(own_compiler() is None, reason="no C compiler on this machine")
+def test_where_pythonfmu_cannot_run_the_corrected_fmu_has_no_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    model = load_model("paper").with_block("transport_delay", delay_s=0.0123)
+    usual = build_plant_fmu(model, tmp_path / "usual.fmu")
+    monkeypatch.setattr(gap, "unsupported", lambda: "no binary here")
+    native = _build(model, tmp_path / "native.fmu")
+    readings = []
+    for fmu in (usual, native):
+        with FmuPlant(fmu) as plant:
+            plant.reset()
+            readings.append([plant.step(10.0 * (k % 4), 0.01) for k in range(80)])
+    assert readings[0] == readings[1]
+    assert native.read_bytes() != usual.read_bytes()
+
+
+def test_a_long_record_is_judged_to_its_end_though_the_fmu_is_driven_at_its_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    model = load_model("beam")
+    times = np.linspace(0.0, 11.98, 600)
+    volts = np.repeat(np.random.default_rng(3).uniform(0.0, 30.0, 60), 10)
+    read = Simulator(Drive.of_rows(times, volts)).run(model.with_block("calibration", gain=1.3)).reading_um
+    read = read + np.random.default_rng(4).normal(0.0, 0.02, times.size)
+    record = Record(times, volts, read)
+    monkeypatch.setattr(gap, "MOST_STEPS", 200)
+    driven: list[int] = []
+    play = gap._played
+
+    def counted(models: Sequence[Model], drives: Sequence[Drive], *others: Any) -> list[np.ndarray]:
+        driven.extend(x.row_time_s.size for x in drives)
+        return play(models, drives, *others)
+
+    monkeypatch.setattr(gap, "_played", counted)
+    found = diagnose(model, [record], Settings(), None, ["record"])
+    assert max(driven) < times.size
+    assert found.gap.after_um[0].size == times.size
+    assert found.gap.after.all_rms_um < 0.03
+
 
 VOLTS = np.array([0.0, 10.0, 30.0, 5.0, 5.0, 0.0])
 RECORD = Record(np.linspace(0.0, 0.25, VOLTS.size), VOLTS, np.zeros(VOLTS.size))
