@@ -1,19 +1,29 @@
-"""Generated code: what it borrows, what it allocates, and that a block of one's own may do as it likes."""
+"""Generated code: what it borrows and allocates, read from disk, compiled in a process beside this one."""
 
 import errno
+import os
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numba
 import numpy as np
 import pytest
+from few import few
+from numba.core.caching import IndexDataCacheFile
 from numba.core.options import DefaultOptions
 from numpy.typing import NDArray
 
-from bender_compiled import kernels, simulation
-from bender_compiled.kernels import block_run, uncut_run
+from bender_compiled import background_compilation, kernels, simulation, stored_code
+from bender_compiled.background_compilation import compile_blocks, compile_in_background
+from bender_compiled.kernels import block_run, grid_run, uncut_run
+from bender_compiled.parallel_map import THREADS
 from bender_compiled.simulation import Drive, Simulator, constants_of, initial_of
+from bender_compiled.stored_code import StoredCode
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import load_model
 
@@ -118,3 +128,182 @@ def test_arrays_are_given_back_as_they_were(block_id: str, parameters: dict[str,
             block_run(block_id)(state, constants, *SIGNALS, 500)
     assert all(np.array_equal(x, y) for x, y in zip(arrays, before[0], strict=True))
     assert [sys.getrefcount(x) for x in arrays] == before[1]
+
+
+IN_A_NEW_PROCESS = """
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from bender_compiled import kernels, stored_code
+from bender_compiled.simulation import Drive, Simulator
+from bender_plant.model import load_model
+
+kernels.kernels_folder = lambda: Path(sys.argv[1])
+if sys.argv[2] == "declared":
+    stored_code.KNOWN = (0, 0)
+time = np.arange(80) * 0.05
+drive = Drive.of_rows(time, 20.0 * (1.0 - np.cos(3.0 * time)))
+model = load_model("paper").with_block("slew_limit", slew_rate_V_per_s=30.0)
+model = model.with_block("creep", gains=(0.1,), time_constants_s=(1.0,))
+np.save(sys.argv[3], Simulator(drive).run(model).reading_um)
+print("numba.np.linalg" in sys.modules)
+"""
+
+
+def run(folder: Path, how: str) -> tuple[bytes, bool]:
+    """Simulate in a process of its own; returns the readings, and whether all was declared."""
+    place = folder / f"{how}.npy"
+    words = [sys.executable, "-c", IN_A_NEW_PROCESS, str(folder / "kernels"), how, str(place)]
+    said = subprocess.run(words, check=True, capture_output=True, text=True)
+    return place.read_bytes(), said.stdout.strip() == "True"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(numba.version_info.short != stored_code.KNOWN, reason="another numba reads as it always does")
+def test_stored_code_gives_the_same_numbers_without_declarations(tmp_path: Path) -> None:
+    compiled, declared_to_compile = run(tmp_path, "compiled")
+    stored, declared_to_read = run(tmp_path, "stored")
+    declared, as_ever = run(tmp_path, "declared")
+    assert compiled == stored == declared
+    assert (declared_to_compile, declared_to_read, as_ever) == (True, False, True)
+
+
+@pytest.fixture
+def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Any]:
+    """Return what imports a compiled function anew, with the cache in a folder of its own."""
+    monkeypatch.setattr(kernels, "kernels_folder", lambda: tmp_path)
+    return lambda: kernels._generated.__wrapped__("grid", _TEXT).grid
+
+
+_TEXT = (
+    kernels.sources([])
+    + "\n\nfrom numba import njit\n\n"
+    + """
+@njit(cache=True, nogil=True)
+def grid(x):
+    return 2.0 * x
+"""
+)
+
+
+@pytest.mark.parametrize("known", few([True, False], 0))
+@pytest.mark.parametrize("kind", ["nbc", "nbi"])
+@pytest.mark.parametrize("left", few([0, 20, 400], 1))
+def test_a_file_that_was_cut_short_is_compiled_anew(
+    known: bool, kind: str, left: int, compiled: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored_code, "KNOWN", numba.version_info.short if known else (0, 0))
+    assert compiled()(1.5) == 3.0
+    (cut,) = tmp_path.rglob(f"*.{kind}")
+    cut.write_bytes(cut.read_bytes()[:left])
+    again = compiled()
+    assert type(again._cache) is StoredCode
+    assert again(1.5) == 3.0
+    stored = compiled()
+    assert stored(1.5) == 3.0
+    assert (sum(again.stats.cache_hits.values()), sum(stored.stats.cache_hits.values())) == (0, 1)
+
+
+def test_what_cannot_be_written_is_compiled_all_the_same(
+    compiled: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    assert compiled()(1.5) == 3.0
+    (index,) = tmp_path.rglob("*.nbi")
+    index.write_bytes(b"")
+    monkeypatch.setattr(IndexDataCacheFile, "flush", full)
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+    assert compiled()(1.5) == 3.0
+
+
+def test_the_cutting_into_sub_steps_is_stored() -> None:
+    numbers = np.array([0.0, 0.1]), np.array([0.0]), np.array([1.0]), np.array([0.0])
+    count, begin, *_ = grid_run()(*numbers, 10.0, 0.01, 0.05, 2.0, 0.0, 1e9, 1e9, 99)
+    assert count > 0
+    assert begin[0] == 0.0
+    assert type(getattr(grid_run(), "_cache", None)) is StoredCode
+
+
+LAGGED = PAPER.with_block("sensor_lag", time_constant_s=0.01)
+LIMITED = PAPER.with_block("slew_limit", slew_rate_V_per_s=100.0)
+HEAVIER = PAPER.with_block("tip_mass", frequency_ratio=0.9)
+
+
+def test_what_the_first_model_lacks_is_compiled_from_the_last_one_on() -> None:
+    assert compile_blocks([PAPER, LAGGED, HEAVIER, LIMITED, LAGGED]) == ["sensor_lag", "slew_limit"]
+    assert compile_blocks([LAGGED, LAGGED]) == []
+
+
+def test_modes_with_a_load_are_compiled_beside_those_without() -> None:
+    rubbing = PAPER.with_block("coulomb_friction", level_um=0.1)
+    assert compile_blocks([PAPER, rubbing, LAGGED]) == ["sensor_lag", "bending_modes"]
+
+
+@pytest.mark.slow
+def test_a_process_leaves_kernels_on_disk_for_this_one(tmp_path: Path) -> None:
+    places = {"XDG_CACHE_HOME": tmp_path, "LOCALAPPDATA": tmp_path, "NUMBA_CACHE_DIR": tmp_path / "numba"}
+    words = [sys.executable, "-m", background_compilation.__name__]
+    subprocess.run(
+        words, input=pickle.dumps([PAPER, LAGGED]), env={**os.environ, **{k: str(v) for k, v in places.items()}},
+        check=True, timeout=120,
+    )  # fmt: skip
+    assert [x.name.rsplit("_", 1)[0] for x in tmp_path.rglob("bender_kernel_*.py")] == ["bender_kernel_sensor_lag"]
+    assert list(tmp_path.rglob("*.nbc"))
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_no_process_is_begun_where_kernels_are_there_or_no_core_is_free(
+    cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # kernels of blocks that none of the models has are of no use here
+    there = {"learned_hysteresis", "calibration", "linear_modes", "sensor_lag"} if cores > 1 else set[str]()
+    for name in there:
+        (tmp_path / f"bender_kernel_{name}_0.py").touch()
+    monkeypatch.setattr(background_compilation, "kernels_folder", lambda: tmp_path)
+    monkeypatch.setenv(THREADS, str(cores))
+    begun: list[object] = []
+    monkeypatch.setattr(subprocess, "Popen", lambda *words, **_: begun.append(words))
+    with compile_in_background(lambda: [PAPER, LAGGED]):
+        assert begun == []
+
+
+def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(background_compilation, "kernels_folder", lambda: tmp_path / "none")
+    monkeypatch.setenv(THREADS, "2")
+    begun: list[subprocess.Popen[bytes]] = []
+    popen = subprocess.Popen
+
+    def kept(*words: object, **how: object) -> "subprocess.Popen[bytes]":
+        begun.append(popen(*words, **how))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return begun[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", kept)
+
+    def interrupted() -> None:
+        with compile_in_background(lambda: [PAPER, LAGGED]):
+            assert begun[0].poll() is None
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert begun[0].returncode is not None
+
+
+def test_where_no_process_can_be_begun_this_one_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(background_compilation, "kernels_folder", lambda: tmp_path / "none")
+    monkeypatch.setenv(THREADS, "2")
+    refused: list[object] = []
+
+    def none_left(*words: object, **_: object) -> None:
+        refused.append(words)
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(subprocess, "Popen", none_left)
+    done: list[str] = []
+    with compile_in_background(lambda: [PAPER, LAGGED]):
+        done.append("the block")
+    assert (len(refused), done) == (1, ["the block"])

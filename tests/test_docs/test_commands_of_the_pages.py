@@ -23,14 +23,14 @@ NOT_RUN = {
     "bender demo": "tests/test_studies/test_demo.py",
     "bender reproduce": "tests/test_studies/test_reproduce.py",
     "bender diagnose results/stairs": "tests/test_docs/test_your_bench.py",
-    "bender hil nexus": "tests/test_hil/test_nexus.py",
+    "bender hil nexus": "tests/test_hil/test_run_log.py",
     "bender hil --profile": "tests/test_hil/test_hil_command.py",
     "bender hil --watch": "tests/test_hil/test_live_browser.py",
     "bender investigate": "tests/test_investigate/test_investigate_command.py",
     "bender live": "tests/test_hil/test_live_browser.py",
     "bender watch": "tests/test_watch",
     "tail -n": "tests/test_watch",
-    "python build_fmu.py": "tests/test_export/test_build_script.py",
+    "python build_fmu.py": "tests/test_export/test_build.py",
 }
 """Commands that take minutes, real time or the checkout's own folder, and the tests that run them."""
 NEEDS_HARDWARE = re.compile(r"--camera|--bench bench\.toml|across\.png")

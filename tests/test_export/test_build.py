@@ -1,18 +1,30 @@
+"""FMUs are built: the same bytes from the same model, what is stale anew, by the script too, with their origin."""
+
+import importlib.util
 import os
 import platform
 import shutil
 import subprocess
 import sys
+import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
 
 import pytest
 import tomli_w
 
 from bender_export import build
 from bender_export.archive import guid_of
+from bender_export.assembly import plant_parts
+from bender_export.origin import device_name, facts_of, generation_date
 from bender_loop.errors import InputError, RunError
-from bender_plant.model import load_model
+from bender_native.description import fmi3_description
+from bender_plant.model import Model, ModelError, load_model, model_from_table
+from bender_plant.origin import Origin
+from bender_plant.valid_range import ValidRange
 
 
 @pytest.fixture
@@ -130,3 +142,165 @@ def test_a_name_that_no_fmu_can_bear_is_refused(tmp_path: Path, name: str, found
     (tmp_path / "folder.fmu").mkdir()
     with pytest.raises(InputError, match=f"{name}: found {found}"):
         build.build_controller_fmu(tmp_path / name)
+
+
+SCRIPT = Path(__file__).parents[2] / "build_fmu.py"
+
+
+@pytest.fixture
+def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The script, with a checkout of its own."""
+    spec = importlib.util.spec_from_file_location("build_fmu_script", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "ROOT", tmp_path / "checkout")
+    return module
+
+
+def test_it_writes_both_fmus_and_their_loop(
+    script: ModuleType, tmp_path: Path, plant_fmu: Path, controller_fmu: Path
+) -> None:
+    assert script.main([]) == 0
+    written = sorted((tmp_path / "checkout" / "fmu").iterdir())
+    assert [path.name for path in written] == ["ClosedLoop.ssp", "PidController.fmu", "PiezoBender.fmu"]
+    assert [path.read_bytes() for path in written[1:]] == [controller_fmu.read_bytes(), plant_fmu.read_bytes()]
+    with zipfile.ZipFile(written[0]) as loop:
+        assert loop.read("resources/PiezoBender.fmu") == plant_fmu.read_bytes()
+
+
+@pytest.mark.slow
+def test_another_model_goes_to_another_place(script: ModuleType, tmp_path: Path, beam_fmu: Path) -> None:
+    out = tmp_path / "new" / "mine.fmu"
+    assert script.main(["--model", "beam", "--out", str(out)]) == 0
+    assert guid_of(out) == guid_of(beam_fmu)
+    assert out.with_suffix(".ssp").is_file()
+    assert [path.name for path in (tmp_path / "checkout" / "fmu").iterdir()] == ["PidController.fmu"]
+
+
+@pytest.mark.parametrize(
+    ("model", "out", "words"),
+    [
+        ("no_such.toml", "plant.fmu", ["no_such.toml", "expected"]),
+        ("broken.toml", "plant.fmu", ["broken.toml", "beam.length_m", "-1.0", "expected"]),
+        ("paper", "a_file/plant.fmu", ["a_file"]),
+        ("paper", "plant.toml", ["plant.toml", "'.toml'", ".fmu"]),
+        ("paper", "checkout/fmu/../fmu/PidController.fmu", ["place of the controller FMU", "another name"]),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    script: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], model: str, out: str, words: list[str]
+) -> None:
+    (tmp_path / "a_file").write_text("", encoding="utf-8")
+    source = SCRIPT.parent / "plant_src" / "bender_plant" / "models" / "paper.toml"
+    text = source.read_text(encoding="utf-8").replace("length_m = 0.0125", "length_m = -1.0")
+    (tmp_path / "broken.toml").write_text(text, encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    given = model if model == "paper" else str(tmp_path / model)
+    assert script.main(["--model", given, "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    for word in words:
+        assert word in said.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_bad_usage_is_one_line(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        script.main(["--no-such-option"])
+    assert left.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_exit_status_reaches_the_shell() -> None:
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--model", "no_such_model"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+def test_a_checkout_that_cannot_be_written_gets_its_controller_beside_the_plant(
+    script: ModuleType, tmp_path: Path
+) -> None:
+    (tmp_path / "checkout").write_text("no folder", encoding="utf-8")
+    assert script.main(["--model", "beam", "--out", str(tmp_path / "new" / "mine.fmu")]) == 0
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["PidController.fmu", "mine.fmu", "mine.ssp"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes report their reader's end otherwise there")
+def test_a_reader_that_leaves_is_no_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, str(SCRIPT), "--model", "beam", "--out", str(tmp_path / "mine.fmu")]
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=120)
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (141, "")
+    assert (tmp_path / "mine.fmu").is_file()
+
+
+ORIGIN = Origin(("monday.csv", "tuesday.csv"), ("gain: 0.95 ± 0.01 (95 %)",), "W", "K", report="report.html")
+
+
+@pytest.fixture
+def oven() -> Model:
+    return replace(load_model("beam"), name="oven 3", valid=ValidRange(0.0, 400.0, 3600.0), origin=ORIGIN)
+
+
+def test_the_date_is_that_of_the_day_or_the_one_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    made = time.mktime(time.strptime(generation_date(), "%Y-%m-%dT%H:%M:%SZ")) - time.timezone
+    assert abs(made - time.time()) < 60.0
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    assert generation_date() == "1970-01-02T00:00:00Z"
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: found 'yesterday', expected a whole number of seconds"):
+        generation_date()
+
+
+def test_the_model_file_carries_its_origin(oven: Model) -> None:
+    assert model_from_table(oven.to_table()) == oven
+
+
+@pytest.mark.parametrize(
+    ("origin", "said"),
+    [
+        ({"records": "one.csv"}, r"origin\.records: found 'one\.csv', expected a list of texts"),
+        ({"report": "../secret"}, r"origin\.report: found '\.\./secret', expected the name of a file beside"),
+        ({"author": "me"}, r"origin\.author: unknown key"),
+    ],
+)
+def test_an_origin_that_cannot_be_is_refused(origin: dict[str, object], said: str) -> None:
+    with pytest.raises(ModelError, match=said):
+        model_from_table(load_model("paper").to_table() | {"origin": origin})
+
+
+def test_an_fmu_is_called_as_the_device(oven: Model) -> None:
+    assert [device_name(load_model(x)) for x in ("paper", "beam")] == ["PiezoBender", "PiezoBender"]
+    description, page, _ = plant_parts(oven, "{0}")
+    assert ElementTree.fromstring(fmi3_description("PiezoBender", description)).get("modelName") == "oven 3"
+    text = page.decode()
+    for said in ("<h1>oven 3</h1>", "monday.csv", "0 to 400 W over 3600 s", "0.95 ± 0.01", 'href="report.html"'):
+        assert said in text
+    assert ("Units", ("1 V of the command stands for 1 W", "1 um of the reading stands for 1 K")) in facts_of(oven)
+
+
+def test_what_was_not_learned_says_nothing_of_records() -> None:
+    page = plant_parts(load_model("paper"), "{0}")[1].decode()
+    assert "Where it comes from" not in page
+
+
+def test_the_report_beside_the_model_file_goes_into_the_fmu(oven: Model, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text("<p>what was found</p>", encoding="utf-8")
+    file = tmp_path / "oven.toml"
+    file.write_text(tomli_w.dumps(oven.to_table()), encoding="utf-8")
+    plant, *_ = build.build_all(file, tmp_path / "out" / "oven.fmu", tmp_path / "out")
+    with zipfile.ZipFile(plant) as archive:
+        assert archive.read("documentation/report.html") == b"<p>what was found</p>"
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    assert (root.get("modelName"), root.get("generationDateAndTime")) == ("oven 3", generation_date())

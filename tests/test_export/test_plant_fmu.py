@@ -1,3 +1,7 @@
+"""The plant FMU: the numbers of the kernel, states that go on, errors that say why, thousands of instances."""
+
+import json
+import math
 import subprocess
 import sys
 import zipfile
@@ -6,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fmpy.fmi1 import FMICallException
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -193,3 +198,184 @@ print(plant.do_step(0.0, 0.01), plant.get_real([1])[0] > 0.0)
         capture_output=True, text=True, check=False, timeout=60,
     )  # fmt: skip
     assert done.stdout == "True True\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"voltage": math.nan}, ["voltage", "nan", "finite"]),
+        ({"voltage": math.inf}, ["voltage", "inf", "finite"]),
+        ({"bending_modes.damping_ratio": 2.0}, ["bending_modes.damping_ratio", "2.0", "1e-06 to 0.95"]),
+        ({"bending_modes.damping_ratio": math.nan}, ["bending_modes.damping_ratio", "nan", "1e-06 to 0.95"]),
+        ({"beam.length": 0.01}, ["beam.length", "before the end of initialisation"]),
+        ({"displacement": 0.0}, ["displacement", "cannot be set"]),
+    ],
+)
+def test_a_value_that_cannot_be_is_an_error_that_says_why(
+    plant: Any, values: dict[str, float], words: list[str]
+) -> None:
+    plant.step(0.01, voltage=10.0)
+    with pytest.raises(FMICallException):
+        plant.set(values)
+    (message,) = plant.messages
+    for word in words:
+        assert word in message
+    assert math.isfinite(plant.step(0.01)[0])
+
+
+@pytest.mark.parametrize("step_s", [0.0, -0.01, math.nan, math.inf])
+def test_a_step_that_cannot_be_is_an_error(plant: Any, step_s: float) -> None:
+    with pytest.raises(FMICallException):
+        plant.slave.doStep(0.0, step_s)
+    assert repr(step_s) in plant.messages[0]
+
+
+def test_a_plant_that_runs_away_is_an_error_that_says_when(plant: Any) -> None:
+    plant.set({"learned_hysteresis.rate_coefficient": 1e4})
+    with pytest.raises(FMICallException):
+        plant.step(0.01, voltage=1e305)
+    assert "t = 0.0 s" in plant.messages[0]
+    assert plant.get("displacement") == [0.0]
+
+
+def test_a_state_of_another_fmu_is_refused(plant: Any, beam_fmu: Path, running_fmu: Any) -> None:
+    with running_fmu(beam_fmu) as beam:
+        foreign = beam.saved()
+    for data in (foreign, b"[1, 2", b"[]"):
+        with pytest.raises(FMICallException):
+            plant.restore(data)
+    assert "state of another FMU" in plant.messages[0]
+
+
+def test_errors_leave_the_instance_whole(plant_fmu: Path) -> None:
+    """PythonFMU's library drops references that it still needs when a call raises."""
+    code = """
+import gc, math, sys
+sys.path.insert(0, sys.argv[1])
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+from running_fmu import RunningFmu
+fmu = RunningFmu(sys.argv[2])
+(slave,) = [thing for thing in gc.get_objects() if type(thing).__name__ == "PiezoBender"]
+held = (slave, type(slave), slave.log_queue)
+before = [sys.getrefcount(thing) for thing in held]
+for _ in range(20):
+    try:
+        fmu.set({"voltage": math.nan})
+    except FMICallException:
+        continue
+    raise SystemExit("no error")
+print([sys.getrefcount(thing) for thing in held] == before)
+"""
+    here = str(Path(__file__).parent)
+    done = subprocess.run(
+        [sys.executable, "-c", code, here, str(plant_fmu)], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.stdout == "True\n", done.stderr
+
+
+CHILD = """
+import sys
+from pathlib import Path
+from bender_export.build import build_plant_fmu, ensure_plant_fmu
+from bender_loop.fmu.plant import FmuPlant
+from bender_plant.model import load_model
+
+folder = Path(sys.argv[1])
+first = build_plant_fmu(load_model("paper"), folder / "first.fmu")
+with FmuPlant(first) as plant:
+    before = plant.step(10.0, 0.01)
+again = build_plant_fmu(load_model("paper"), folder / "again.fmu")
+assert again.read_bytes() == first.read_bytes()
+second = build_plant_fmu(load_model("paper").with_values({"calibration.gain": 2.0}), folder / "second.fmu")
+with FmuPlant(second) as plant:
+    assert abs(plant.step(10.0, 0.01) - 2.0 * before) < 1e-9
+ensure_plant_fmu("paper")
+print("built")
+"""
+
+
+@pytest.mark.slow
+def test_fmus_can_be_built_after_one_was_opened(tmp_path: Path) -> None:
+    words = [sys.executable, "-W", "error", "-c", CHILD, str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "built"
+
+
+# The library of PythonFMU leaks some kilobytes with each instance: the same slave with an empty body is the yardstick.
+BARE = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class BareOfTheInstanceTest(Fmi2Slave):
+    def __init__(self, **settings):
+        super().__init__(**settings)
+        self.u = 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+
+    def do_step(self, current_time, step_size):
+        return True
+"""
+MANY = """
+import gc, json, resource, sys
+sys.path.insert(0, sys.argv[1])
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from running_fmu import RunningFmu
+
+def use(slave, count):
+    for _ in range(count):
+        slave.instantiate()
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        slave.doStep(0.0, 0.01)
+        slave.terminate()
+        slave.fmi2FreeInstance(slave.component)
+
+def resident_kB():
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * resource.getpagesize() / 1024
+
+path, warm, count = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+description = read_model_description(path, validate=False)
+slave = FMU2Slave(
+    guid=description.guid, unzipDirectory=extract(path),
+    modelIdentifier=description.coSimulation.modelIdentifier, instanceName="many",
+)
+use(slave, warm)
+gc.collect()
+objects, before = len(gc.get_objects()), resident_kB()
+use(slave, count)
+gc.collect()
+paths = sum("resources" in entry for entry in sys.path)
+print(json.dumps({"objects": len(gc.get_objects()) - objects, "kB": resident_kB() - before, "paths": paths}))
+"""
+
+
+def growth(fmu: Path, warm: int, count: int) -> dict[str, float]:
+    words = [sys.executable, "-c", MANY, str(Path(__file__).parent), str(fmu), str(warm), str(count)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=250)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def bare_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bare_fmu")
+    (folder / "bare_of_the_instance_test.py").write_text(BARE, encoding="utf-8")
+    code = "import sys; from pythonfmu.builder import FmuBuilder; FmuBuilder.build_FMU(sys.argv[1], dest=sys.argv[2])"
+    words = [sys.executable, "-c", code, str(folder / "bare_of_the_instance_test.py"), str(folder)]
+    subprocess.run(words, check=True, cwd=folder)
+    return folder / "BareOfTheInstanceTest.fmu"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory in use from /proc")
+@pytest.mark.slow
+def test_5000_instantiations_grow_no_more_than_those_of_a_bare_slave(plant_fmu: Path, bare_fmu: Path) -> None:
+    own, bare = growth(plant_fmu, 200, 5000), growth(bare_fmu, 200, 5000)
+    print(own, bare)
+    assert own["objects"] <= bare["objects"]
+    assert own["kB"] <= bare["kB"]
+    assert own["paths"] == 1

@@ -1,9 +1,12 @@
-"""Journals, the record made from them, the replay, the figures."""
+"""Journals, the record made from them, the replay, the figures, NeXus, passes of a run that learns."""
 
+import argparse
 import errno
 import json
 import math
 import os
+import random
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,20 +18,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bender_cli.main import main
+from bender_hil.bench_file import BenchFile, read_bench
+from bender_hil.calibration.sensor_scale import fit_sensor
+from bender_hil.command import OWN_GAINS
+from bender_hil.learning import learn_on_bench, read_at
 from bender_hil.log.figures import staircase_figures, step_figures
 from bender_hil.log.journal import Journal, JournalError, read_journal
+from bender_hil.log.nexus import NEXUS, read_nexus, write_nexus
 from bender_hil.log.read_run import read_run
 from bender_hil.log.replay import replay_run
-from bender_hil.log.results import recover
+from bender_hil.log.results import RECORD, recover
 from bender_hil.log.summary import summarise
 from bender_hil.log.to_record import to_record
+from bender_hil.recent_range import RecentRange
 from bender_hil.runner.control_law import Memory, decide
 from bender_hil.runner.program import ClosedLoop, OpenLoop
 from bender_hil.runner.voltages import staircase
 from bender_loop.control.pid import Gains, Limits
-from bender_loop.control.references import Step
+from bender_loop.control.references import Step, read_profile
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record, read_record
+from bender_loop.records.record import Record, read_record, write_record
+from bender_loop.shell.files import prepare_directory
+from bender_tuner.results.gains_file import read_gains
+from piezo_bender import load_record
 
 GAINS, LIMITS = Gains(0.3, 4.0, 0.01, 0.02), Limits()
 
@@ -312,3 +325,171 @@ def test_nothing_is_recovered_from_nothing(tmp_path: Path):
     with pytest.raises(InputError, match="fewer than two ticks"):
         recover(tmp_path)
     assert not (tmp_path / "record.csv").exists()
+
+
+h5py = pytest.importorskip("h5py")
+
+RNG = np.random.default_rng(2)
+TIME_S = np.cumsum(RNG.uniform(0.02, 0.04, 50))
+MOVED_UM = np.where(RNG.random(50) < 0.1, np.nan, 20.0 * RNG.random(50))
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """The journals and the record of a run, as the runner writes them."""
+    calibration = fit_sensor([0.0, 4.0], [0.0, 100.0], "V", reference_um=0.5)
+    fields = {name: getattr(calibration, name) for name in calibration.__dataclass_fields__}
+    start = {
+        "n": 0, "t": 0.0, "kind": "start", "date": "2026-11-27T12:00:00+00:00", "emulated": True,
+        "calibration": fields, "metadata": {"operator": "me", "specimen": "bender 3", "room": "12"},
+        "versions": {"piezo-bender": "0.2.0"},
+        "sensor": {"kind": "multimeter", "identity": {"manufacturer": "Keysight", "model": "34465A"}, "cannot": []},
+    }  # fmt: skip
+    rest = {"n": 1, "t": 1.0, "kind": "rest", "noise_um": 0.03}
+    (tmp_path / "run.jsonl").write_text(f"{json.dumps(start)}\n{json.dumps(rest)}\n")
+    opened = {"n": 0, "t": 0.0, "kind": "opened", "manufacturer": "Siglent", "model": "SDG1032X", "serial": "7"}
+    (tmp_path / "guard.jsonl").write_text(f"{json.dumps(opened)}\n")
+    write_record(
+        tmp_path / "record.csv", Record(TIME_S, 50.0 * RNG.random(50), MOVED_UM, setpoint_um=np.full(50, 12.0))
+    )
+    return tmp_path
+
+
+def test_the_record_comes_back_bit_for_bit(run: Path):
+    path = write_nexus(run)
+    assert path == run / NEXUS
+    told, back = read_record(run / "record.csv").columns(), read_nexus(path).columns()
+    assert list(told) == list(back)
+    for name, values in told.items():
+        assert np.asarray(values).tobytes() == np.asarray(back[name]).tobytes(), name
+
+
+def test_every_command_reads_it_as_a_record(run: Path):
+    loaded = load_record(write_nexus(run))
+    assert np.array_equal(loaded.record.displacement_um, MOVED_UM, equal_nan=True)
+
+
+def test_a_viewer_finds_the_signal_its_axis_its_units_and_its_errors(run: Path):
+    with h5py.File(write_nexus(run)) as file:
+        entry = file[file.attrs["default"]]
+        data = entry[entry.attrs["default"]]
+        assert (entry.attrs["NX_class"], data.attrs["NX_class"]) == ("NXentry", "NXdata")
+        signal, axis = data[data.attrs["signal"]], data[data.attrs["axes"][0]]
+        assert signal.shape == axis.shape == data[f"{data.attrs['signal']}_errors"].shape
+        assert (signal.attrs["units"], axis.attrs["units"]) == ("um", "s")
+        # 0.5 um at each end of 100 um is 0.707 % of the scale; the noise at rest beside it
+        errors = np.array(data["displacement_um_errors"])
+        expected = np.hypot(0.5 * np.sqrt(2.0) / 100.0 * MOVED_UM, 0.03)
+        np.testing.assert_allclose(errors, expected, rtol=1e-9)
+        assert entry["user/name"][()] == b"me"
+        assert entry["sample/name"][()] == b"bender 3"
+        assert entry["metadata/room"][()] == b"12"
+        assert entry["instrument/source/model"][()] == b"SDG1032X"
+        assert json.loads(entry["provenance/data"][()])["date"].startswith("2026-11-27")
+
+
+def test_a_file_is_not_written_over_and_a_folder_without_a_run_is_told(run: Path, tmp_path: Path, capsys):
+    assert main(["hil", "nexus", str(run)]) == 0
+    assert main(["hil", "nexus", str(run)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert main(["hil", "nexus", str(run), "--out", str(tmp_path / "other.h5")]) == 0
+    (tmp_path / "text.h5").write_text("no HDF5")
+    with pytest.raises(InputError, match="layout of NeXus"):
+        read_nexus(tmp_path / "text.h5")
+
+
+@pytest.mark.slow
+def test_the_gains_of_the_package_can_be_tuned_again(tmp_path: Path):
+    first = OWN_GAINS.read_text(encoding="utf-8").splitlines()[0]
+    program, *words = shlex.split(first.removeprefix("#"))
+    assert program == "bender"
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    gains, limits, period_s = read_gains(OWN_GAINS)
+    again, same_limits, same_period_s = read_gains(tmp_path / "gains.toml")
+    assert (limits, period_s) == (same_limits, same_period_s)
+    for name in gains.__dataclass_fields__:
+        assert getattr(again, name) == pytest.approx(getattr(gains, name), rel=1e-3)
+
+
+def test_nothing_is_known_before_the_first_level():
+    assert RecentRange(1.0).since_s(0.0) == math.inf
+
+
+def test_the_level_that_held_at_the_beginning_counts_until_the_next_one_is_as_old_as_the_span():
+    recent = RecentRange(1.0)
+    recent.add(-math.inf, 0.0)
+    recent.add(2.0, 7.0)
+    assert recent.range(2.999) == (0.0, 7.0)
+    assert recent.since_s(2.999) == -math.inf
+    assert recent.range(3.0) == (7.0, 7.0)
+    assert recent.since_s(3.0) == 2.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_it_is_the_range_of_all_levels_that_held_within_the_span(seed: int):
+    rng = random.Random(seed)
+    recent, levels, now_s = RecentRange(0.5), [], 0.0
+    for _ in range(300):
+        now_s += rng.choice([0.0, 0.001, 0.03, 0.4, 0.7])
+        recent.add(now_s, float(rng.randrange(6)))
+        levels.append((now_s, recent._levels[-1][1]))
+        now_s += rng.choice([0.0, 0.2])
+        ends_s = [*(at_s for at_s, _ in levels[1:]), math.inf]
+        held = [level for (_, level), end_s in zip(levels, ends_s, strict=True) if end_s > now_s - 0.5]
+        assert recent.range(now_s) == (min(held), max(held))
+
+
+RATE_HZ, SCAN_S = 30.0, 5.0
+
+
+def scan(time_s: np.ndarray) -> np.ndarray:
+    return 8.0 * np.abs((time_s + 0.5) % 1.0 - 0.5)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> BenchFile:
+    (tmp_path / "bench.toml").write_text('[emulator]\nmodel = "bench"\n')
+    return read_bench(tmp_path / "bench.toml")
+
+
+def learned(tmp_path: Path, bench: BenchFile) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Learn a scan whose file rounds its times; each pass: frames at odd times, and what the tip did, which is what
+    was asked of it.
+    """
+    time_s = np.arange(round(SCAN_S * RATE_HZ)) / RATE_HZ
+    lines = [f"{t:.7g},{x!r}\n" for t, x in zip(time_s, scan(time_s).tolist(), strict=True)]
+    (tmp_path / "scan.csv").write_text("time_s,setpoint_um\n" + "".join(lines))
+    played, rng = [], np.random.default_rng(5)
+
+    def run_pass(arguments: argparse.Namespace) -> int:
+        target = read_profile(Path(arguments.profile))
+        frames_s = time_s + rng.uniform(0.0, 0.2 / RATE_HZ, time_s.size)
+        tip_um = target.sample(frames_s)
+        write_record(prepare_directory(arguments.out) / RECORD, Record(frames_s - frames_s[0], 0.0 * frames_s, tip_um))
+        played.append((frames_s, tip_um))
+        return 0
+
+    words = {"learn": 2, "profile": tmp_path / "scan.csv", "out": tmp_path / "passes"}
+    assert learn_on_bench(argparse.Namespace(**words), bench, run_pass) == 0
+    return played
+
+
+def test_a_target_runs_straight_through_the_set_points_whenever_frames_come(tmp_path: Path, bench: BenchFile):
+    frames_s, tip_um = learned(tmp_path, bench)[0]
+    # 8 µm/s; a target held from frame to frame is off by 0.27 µm, one in eight parts by 0.03
+    assert np.abs(tip_um - scan(frames_s)).max() < 0.06
+
+
+def test_the_set_points_that_count_are_those_of_the_file(tmp_path: Path, bench: BenchFile):
+    learned(tmp_path, bench)
+    lines = np.loadtxt(tmp_path / "passes" / "learned.csv", delimiter=",", skiprows=1)
+    at_samples = lines[::8]
+    assert at_samples[:, 2] == pytest.approx(scan(at_samples[:, 0]), abs=1e-5)
+
+
+def test_a_corner_between_two_frames_is_no_error():
+    grid_s = np.arange(150) / RATE_HZ
+    frames_s = grid_s + np.random.default_rng(7).uniform(0.0, 0.2 / RATE_HZ, grid_s.size)
+    record = Record(frames_s, np.zeros(150), scan(frames_s))
+    # on straight lines between the frames the readings miss up to 0.08 µm where the scan turns
+    assert read_at(record, grid_s, scan(grid_s))[1:-1] == pytest.approx(scan(grid_s)[1:-1], abs=1e-9)

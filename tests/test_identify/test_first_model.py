@@ -1,4 +1,4 @@
-"""First models from records alone: structures, fits, the choice of the order, the command."""
+"""First models from records alone: structures, starts, fits, the choice of the order, the command."""
 
 import json
 import math
@@ -7,13 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from few import few_rows
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import TransferFunction, lsim
+from scipy.integrate import solve_ivp
+from scipy.signal import TransferFunction, freqresp, lsim
 
 from bender_cli.main import main
 from bender_identify.first_model.choice import MOST_IN_VAIN, FirstModel, Scored, first_model, is_better, select
+from bender_identify.first_model.excerpt import MOST_ROWS, excerpts
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
+from bender_identify.first_model.frequency_start import frequency_starts, rational, response
+from bender_identify.first_model.linear_structures import linear_structures
 from bender_identify.first_model.report import choice_sentence, doubt_sentence, explained_share, numbers, sentences
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.records.experiment import experiment_of
@@ -278,3 +282,161 @@ def test_a_nonlinear_part_is_said_with_what_both_leave_on_the_same_rows():
     assert found.rival.held_out_rms < found.beside_rms
     said = choice_sentence(found)
     assert f"{found.rival.held_out_rms:.3g} against {found.beside_rms:.3g}" in said
+
+
+def levels(rows: int, seed: int, hold: int = 12) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.uniform(-3.0, 3.0, rows), hold)[:rows]
+
+
+def lagging(volts: np.ndarray, tau_s: float, step_s: float = ROW_S) -> np.ndarray:
+    """A first-order lag of held inputs, read at the end of each row before the next input acts."""
+    decay, y, read = math.exp(-step_s / tau_s), 0.0, []
+    for u in volts:
+        read.append(y)
+        y = decay * y + (1.0 - decay) * u
+    return np.array(read)
+
+
+def linear_record(volts: np.ndarray, read: np.ndarray, noise: float, step_s: float = ROW_S) -> Record:
+    rng = np.random.default_rng(11)
+    return Record(step_s * np.arange(volts.size, dtype=np.float64), volts, read + rng.normal(0.0, noise, read.size))
+
+
+def test_candidates_come_best_first_and_the_first_one_is_the_device():
+    volts = levels(500, 3)
+    late = np.concatenate([np.zeros(4), lagging(volts, 0.3)])[: volts.size]
+    found = linear_structures(linear_record(volts, 2.0 * late + 5.0, 0.02))
+    assert found[0].structure == Structure(lags=1, delay=True)
+    values = found[0].model.values()
+    assert values["plant_lag.time_constant"] == pytest.approx(0.3, rel=0.03)
+    assert values["transport_delay.delay"] == pytest.approx(4 * ROW_S, abs=0.3 * ROW_S)
+    others = [x.unseen_rms for x in found[1:]]
+    assert others == sorted(others)
+    assert found[-1].structure == Structure()
+    assert all(len(x.losses) == len(found[0].losses) for x in found)
+
+
+@pytest.mark.slow
+def test_dead_time_is_found_in_a_record_that_starts_in_motion():
+    # the first rows belong to inputs that no row shows
+    volts = 5.0 + levels(460, 5)
+    late = np.concatenate([np.full(9, 5.0), lagging(volts, 0.2)])[: volts.size]
+    late[:9] = 4.0
+    found = linear_structures(linear_record(volts[60:], late[60:], 0.02))
+    assert found[0].structure.delay
+    assert found[0].model.values()["transport_delay.delay"] == pytest.approx(9 * ROW_S, abs=0.5 * ROW_S)
+
+
+@pytest.mark.slow
+def test_a_spring_that_stiffens_is_likelier_than_a_second_mode():
+    rng, step_s, omega = np.random.default_rng(2), 0.01, 2.0 * math.pi * 4.0
+    volts = np.repeat(rng.uniform(-1.0, 1.0, 120), 5)
+    read, state = [], np.zeros(2)
+    for u in volts:
+        read.append(state[0])
+
+        def rates(_: float, s: np.ndarray, u: float = u) -> list[float]:
+            return [s[1], -2 * 0.05 * omega * s[1] - omega**2 * (s[0] + 0.8 * s[0] ** 3 - u)]
+
+        state = solve_ivp(rates, (0.0, step_s), state, rtol=1e-7, atol=1e-9).y[:, -1]
+    record = linear_record(volts, np.array(read), 0.01, step_s)
+    found = first_model([experiment_of(record, "duffing", Settings())])
+    assert found.rival is not None
+    assert found.rival.effect == "stiffening"
+    assert found.chosen.structure == Structure(modes=1)
+    assert found.rival.part["cubic_1_per_um2"] > 0.0
+
+
+@pytest.mark.slow
+def test_a_reading_without_sign_hides_its_lag_and_is_no_reason_to_refuse():
+    volts = np.where(levels(500, 8, 20) > 0.0, 1.5, -1.5)
+    read = np.abs(lagging(volts, 0.25))
+    experiment = experiment_of(linear_record(volts, read, 0.01), "counter", Settings(), any_answer=True)
+    found = first_model([experiment])
+    assert found.rival is not None
+    assert found.rival.effect == "fold"
+    hidden = [x for x in linear_structures(linear_record(volts, read, 0.01)) if x.hidden_behind]
+    assert [x.hidden_behind for x in hidden] == ["fold"]
+    assert hidden[0].model.values()["plant_lag.time_constant"] == pytest.approx(0.25, rel=0.1)
+
+
+@pytest.mark.parametrize("hold", ["hold", "linear"])
+def test_excerpts_are_short_and_keep_what_the_rows_show(hold):
+    rows = 30_000
+    time_s = 1e-3 * np.arange(rows, dtype=np.float64)
+    volts = np.sin(2.0 * math.pi * 0.7 * time_s) * np.exp(-((time_s - 20.0) ** 2) / 20.0)
+    read = lsim(TransferFunction([1.0], [0.05, 1.0]), volts, time_s)[1]
+    whole = experiment_of(Record(time_s, volts, read), "long", Settings(), hold)
+    parts = excerpts([whole])
+    assert sum(x.time_s.size for x in parts) <= 1.1 * MOST_ROWS
+    assert all(np.all(np.diff(x.time_s) > 0.0) for x in parts)
+    # most of the excerpt lies where it moves
+    counted = np.concatenate([x.measured_um[x.fitted | x.held_out] for x in parts])
+    assert np.std(counted) > 0.99 * np.std(read)
+    assert excerpts([parts[0]]) == [parts[0]]
+
+
+def test_two_equal_lags_are_no_mode_at_its_largest_damping():
+    rng = np.random.default_rng(8)
+    volts = np.concatenate([[0.0], levels(799, 8)])
+    time_s = 0.05 * np.arange(volts.size, dtype=np.float64)
+    read = lsim(TransferFunction([1.0], [0.09, 0.6, 1.0]), volts, time_s, interp=False)[1]
+    found = linear_structures(linear_record(volts, read + 0.01 * rng.standard_normal(read.size), 0.05))
+    of_order_two = [x for x in found if x.structure.order == 2 and not x.structure.delay]
+    assert {x.structure.name: x.rings for x in of_order_two} == {"gain+lag+lag": True, "gain+mode": False}
+
+
+OMEGA = np.linspace(0.5, 200.0, 300)
+
+
+def two_modes(frequencies_Hz: tuple[float, float], damping: tuple[float, float], share: float) -> TransferFunction:
+    parts = []
+    for f, zeta, part in zip(frequencies_Hz, damping, (1.0 - share, share), strict=True):
+        w = 2.0 * np.pi * f
+        parts.append((np.array([part * w**2]), np.array([1.0, 2.0 * zeta * w, w**2])))
+    (b1, a1), (b2, a2) = parts
+    return TransferFunction(np.polyadd(np.polymul(b1, a2), np.polymul(b2, a1)), np.polymul(a1, a2))
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    low=st.floats(2.0, 8.0),
+    apart=st.floats(1.5, 3.0),
+    damping=st.tuples(st.floats(0.01, 0.5), st.floats(0.01, 0.5)),
+    share=st.floats(0.1, 0.9),
+)
+def test_the_roots_of_two_modes_come_back(low: float, apart: float, damping: tuple[float, float], share: float):
+    frequencies = low, low * apart
+    _, found = freqresp(two_modes(frequencies, damping, share), OMEGA)
+    left, roots = rational(OMEGA, found, np.ones(OMEGA.size), 2, 4)
+    pairs = sorted((x for x in roots if x.imag > 0.0), key=abs)
+    assert left < 1e-12
+    assert [abs(x) / (2.0 * np.pi) for x in pairs] == pytest.approx(frequencies, rel=1e-4)
+    assert [-x.real / abs(x) for x in pairs] == pytest.approx(damping, rel=1e-3)
+
+
+def test_a_start_has_lag_and_mode_of_a_record_and_its_delay():
+    """The record is computed by another integrator: a lag of 0.2 s, a mode of 3 Hz, and thirty rows of delay."""
+    from scipy.signal import lsim
+
+    rows, row_s, late = 3000, 0.02, 30
+    omega, zeta, tau_s = 2.0 * np.pi * 3.0, 0.1, 0.2
+    volts = np.repeat(np.random.default_rng(1).uniform(-10.0, 10.0, rows // 10), 10)
+    fine = np.repeat(volts, 20)
+    system = TransferFunction([omega**2], np.polymul([tau_s, 1.0], [1.0, 2.0 * zeta * omega, omega**2]))
+    read = lsim(system, fine, np.arange(fine.size) * row_s / 20, interp=False)[1][::20]
+    read = np.concatenate([np.zeros(late), read])[:rows]
+    experiment = experiment_of(Record(np.arange(rows, dtype=np.float64) * row_s, volts, read), "first", Settings())
+    structure = Structure(lags=1, modes=1, delay=True)
+    starts = list(frequency_starts(structure, experiment, np.arange(0.4, 0.8, row_s / 2)))
+    nearest = min(starts, key=lambda x: abs(x[-1] - late * row_s))
+    assert nearest == pytest.approx((tau_s, 3.0, zeta, late * row_s), rel=0.1)
+
+
+def test_a_short_record_has_no_response_and_a_gain_no_roots():
+    short = Record(0.02 * np.arange(100.0), np.arange(100.0), np.arange(100.0))
+    experiment = experiment_of(short, "first", Settings())
+    assert response(experiment) is None
+    assert list(frequency_starts(Structure(lags=1), experiment, np.zeros(1))) == []
+    assert list(frequency_starts(Structure(), experiment, np.zeros(1))) == []

@@ -1,5 +1,8 @@
+"""The investigation: its stages in order, its journal of decisions, what it expects of gains."""
+
 import contextlib
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +15,15 @@ from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.excitation import another_excitation
 from bender_investigate.investigation import LEFT_SHARE, Investigation
-from bender_investigate.journal import JOURNAL, DecisionJournal, read_decisions
+from bender_investigate.journal import JOURNAL, DecisionJournal, check_decisions, read_decisions
 from bender_investigate.outcome import OUTCOME
-from bender_investigate.safety import refusal
+from bender_investigate.proof import Task
+from bender_investigate.retuning import Retuned, tune_settings, would_be_ended
+from bender_investigate.safety import Allowed, refusal
 from bender_investigate.settings import InvestigationSettings
 from bender_investigate.stage import Stage, TrippedError
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import make_case
@@ -241,3 +248,92 @@ def test_a_hidden_lag_is_named_and_better_gains_are_proven_whatever_is_killed(tm
     lengths = [len(read_record(tmp_path / x / "record.csv")) for x in parts]
     assert sum(lengths) == pytest.approx(43.0 * 30.0, rel=0.1)
     np.testing.assert_array_less(0.0, np.array(outcome.comparison.old))
+
+
+def test_decisions_are_read_back_in_their_order(tmp_path):
+    journal = DecisionJournal(tmp_path / JOURNAL)
+    journal.write("play", "because", folder="01-rest", duration_s=3.0)
+    journal.write("played", "as planned", rows=90)
+    journal.close()
+    found = read_decisions(tmp_path / JOURNAL)
+    assert [x["kind"] for x in found] == ["play", "played"]
+    assert found[0]["folder"] == "01-rest"
+    assert [x["n"] for x in found] == [0, 1]
+
+
+@pytest.mark.parametrize("cut", [1, 7, 30])
+def test_a_line_that_a_crash_cut_short_is_taken_away(tmp_path, cut):
+    path = tmp_path / JOURNAL
+    journal = DecisionJournal(path)
+    journal.write("play", "µm because", folder="01-rest")
+    kept = path.read_bytes()
+    journal.write("played", "as planned")
+    journal.close()
+    path.write_bytes(path.read_bytes()[: len(kept) + cut])
+    again = DecisionJournal(path)
+    assert [x["kind"] for x in again.decisions] == ["play"]
+    assert path.read_bytes() == kept
+    again.write("resumed", "goes on")
+    again.close()
+    assert [x["kind"] for x in read_decisions(path)] == ["play", "resumed"]
+
+
+def test_a_damaged_line_in_the_middle_is_bad_input(tmp_path):
+    path = tmp_path / JOURNAL
+    lines = [json.dumps({"n": 0, "kind": "play", "why": ""}), "{]", json.dumps({"n": 2, "kind": "play", "why": ""})]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"line 2: found .* expected decision 1"):
+        DecisionJournal(path)
+
+
+def test_a_directory_without_a_journal_is_no_investigation(tmp_path):
+    with pytest.raises(InputError, match="expected the directory of an investigation"):
+        read_decisions(tmp_path / JOURNAL)
+
+
+@pytest.mark.parametrize("content", [b"", b"\0" * 400, b"\n" * 3, b"\0" * 30 + b"\n"])
+def test_nobody_goes_on_over_a_journal_that_was_lost(tmp_path: Path, content: bytes):
+    (tmp_path / JOURNAL).write_bytes(content)
+    (tmp_path / "play-01").mkdir()
+    with pytest.raises(InputError, match=r"journal\.jsonl"):
+        check_decisions(tmp_path / JOURNAL)
+
+
+def test_an_investigation_that_was_ended_before_its_first_decision_is_gone_on_with(tmp_path: Path):
+    for content in (b"", b'{"n": 0, "kin'):
+        (tmp_path / JOURNAL).write_bytes(content)
+        check_decisions(tmp_path / JOURNAL)
+
+
+TRAVEL_UM = (-10.0, 45.0)
+LIMITS = Limits(0.0, 50.0)
+ALLOWED = Allowed(0.0, 50.0, 250.0, 0.1, TRAVEL_UM, 30.0)
+
+
+def trace(tip_um):
+    count = len(tip_um)
+    time_s = np.arange(count) / 30.0
+    return Trace(time_s, np.full(count, 10.0), tip_um, tip_um, np.full(count, 20.0), False, time_s, tip_um)
+
+
+@pytest.mark.parametrize(("swing_um", "ended"), [(1.0, False), (2.0, True)])
+def test_a_loop_that_swings_by_more_than_a_twentieth_of_the_travel_would_be_ended(swing_um, ended):
+    tip_um = 10.0 + swing_um * (-1.0) ** np.arange(40)
+    assert would_be_ended(trace(tip_um), LIMITS, TRAVEL_UM) is ended
+
+
+def test_a_tip_beyond_the_travel_would_be_ended():
+    still = np.full(40, 10.0)
+    assert not would_be_ended(trace(still), LIMITS, TRAVEL_UM)
+    assert would_be_ended(trace(np.where(np.arange(40) == 20, 46.0, still)), LIMITS, TRAVEL_UM)
+
+
+@pytest.mark.parametrize(("exposure_s", "tuned_s"), [(0.0, 0.0), (0.0001, 0.0), (0.004, 0.004), (0.03, 0.015)])
+def test_the_loop_is_tuned_with_the_exposure_of_the_records(exposure_s, tuned_s):
+    settings = tune_settings(ALLOWED, Task(10.0, 4.0, 3.0), 0.06, exposure_s, 10, 1)
+    assert settings.exposure_s == pytest.approx(tuned_s)
+
+
+def test_a_loop_that_would_be_ended_is_said_in_words():
+    sentence = Retuned(Gains(0.1, 1.0, 0.0, 0.0), math.inf, 2.5).sentence
+    assert sentence.endswith("goes from a loop that swings until the bench ends it to 2.5 µm s²")

@@ -1,13 +1,27 @@
+"""A record beside its replay: figures, the overlay, sensors whose zero moved."""
+
+import io
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from few import few_rows
 from hypothesis import given
+from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from matplotlib.figure import Figure
+from PIL import Image
+from scipy.signal import lfilter
 
 from bender_loop.errors import InputError
 from bender_loop.records.compare import agreement, compare, recalibrate
+from bender_loop.records.record import Record
+from bender_loop.records.replay import RESTING_UM, replay
+from bender_loop.records.zero_move import without_zero_move, zero_move
+from bender_report.chart import MOST_POINTS, thinned
+from bender_report.record_overlay import SHOWN_REVERSALS, Overlay, draw_overlay, reversals, window
 
 READINGS = hnp.arrays(np.float64, st.integers(5, 40), elements=st.floats(-50, 50, width=32))
 
@@ -84,3 +98,225 @@ def test_too_few_readings_are_refused():
 def test_shapes_must_agree():
     with pytest.raises(ValueError, match="shapes differ"):
         compare(np.arange(4.0), np.arange(5.0))
+
+
+def _overlay(rows: int, offset_um: float = 0.0) -> Overlay:
+    time_s = np.arange(rows) / 30
+    voltage_V = 25 + 25 * np.sin(time_s)
+    measured_um = 0.47 * voltage_V + offset_um
+    if rows > 10:
+        measured_um[4] = np.nan
+    return Overlay("record over model", time_s, "time (s)", voltage_V, measured_um, 0.5 * voltage_V)
+
+
+@pytest.mark.parametrize(
+    ("rows", "offset_um", "height"), few_rows([(3, 0.0, 770), (200, 0.0, 770), (20_000, -120.0, 1100)], 2)
+)
+def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset_um: float, height: int):
+    overlay = _overlay(rows, offset_um)
+    png = draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
+    image = np.asarray(Image.open(io.BytesIO(png)).convert("L"))
+    # many swings have a panel more: the worst of them
+    assert image.shape == (height, 1320)
+    assert 0.005 < (image < 200).mean() < 0.5
+
+
+@pytest.mark.slow
+def test_constant_signals_can_be_drawn():
+    flat = np.zeros(5)
+    overlay = Overlay("still", np.arange(5.0), "row", flat, flat, flat)
+    assert draw_overlay(overlay, compare(flat, flat)).startswith(b"\x89PNG")
+
+
+def test_reversals_of_a_triangle_are_its_corners():
+    triangle = np.concatenate([np.arange(0, 10), np.arange(10, 0, -1), np.arange(0, 11)]).astype(float)
+    assert reversals(triangle).tolist() == [10, 20]
+
+
+@given(st.floats(-100, 100), st.floats(0.01, 100), st.booleans())
+def test_reversals_do_not_depend_on_shift_scale_or_sign(shift, scale, mirrored):
+    signal = np.random.default_rng(5).normal(size=50).cumsum()
+    bent = shift + (-scale if mirrored else scale) * signal
+    assert reversals(bent).tolist() == reversals(signal).tolist()
+
+
+def test_window_shows_all_of_a_short_record_and_the_worst_swings_of_a_long_one():
+    rows = np.arange(4_000)
+    residual = np.where((rows > 1_500) & (rows < 1_700), 1.0, 0.1)
+    assert window(np.sin(rows / 400), residual) == slice(0, 4_000)
+    sine = np.sin(rows / 10)
+    shown = window(sine, residual)
+    assert np.count_nonzero((reversals(sine) >= shown.start) & (reversals(sine) < shown.stop)) == SHOWN_REVERSALS + 1
+    assert shown.start <= 1_500
+    assert shown.stop >= 1_700
+
+
+def test_stray_and_lost_readings_do_not_choose_the_swings():
+    rows = np.arange(4_000)
+    residual = np.where((rows > 1_500) & (rows < 1_700), 1.0, 0.1)
+    residual[3_000] = 1e3
+    residual[200:900:3] = np.nan
+    shown = window(np.sin(rows / 10), residual)
+    assert shown.start <= 1_500
+    assert shown.stop >= 1_700
+
+
+@pytest.mark.slow
+def test_measured_points_lie_on_top_of_the_model(monkeypatch: pytest.MonkeyPatch):
+    drawn: list[Figure] = []
+    saved = Figure.savefig
+
+    def keep(figure: Figure, *args: Any, **options: Any) -> None:
+        drawn.append(figure)
+        saved(figure, *args, **options)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    overlay = _overlay(5_000)
+    draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
+    axes = [x for x in drawn[0].axes if x.get_ylabel() == "displacement (µm)"]
+    assert len(axes) == 3
+    for x in axes:
+        points = [line.get_zorder() for line in x.lines if line.get_marker() == "."]
+        assert points
+        assert min(points) > max(line.get_zorder() for line in x.lines if line.get_marker() != ".")
+
+
+@given(st.integers(1, 50_000), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_the_extremes(size, seed):
+    signal = np.random.default_rng(seed).normal(size=size)
+    rows = thinned(signal)
+    assert rows.size <= max(MOST_POINTS, 1)
+    assert np.all(np.diff(rows) > 0)
+    assert (signal[rows].min(), signal[rows].max()) == (signal.min(), signal.max())
+
+
+def answering(rng: np.random.Generator, rows: int, lag_rows: float, noise: float, dwell: int = 9) -> Record:
+    """A lag under random levels, with outlying and lost readings."""
+    command = rng.uniform(-20.0, 30.0, rows // dwell + 1).repeat(dwell)[:rows]
+    decay = np.exp(-1.0 / lag_rows)
+    read = lfilter([0.0, 0.4 * (1.0 - decay)], [1.0, -decay], command) + noise * rng.standard_normal(rows)
+    read[rng.integers(0, rows, 3)] = np.nan
+    read[rng.integers(0, rows, 2)] += 300.0
+    return Record(np.linspace(0.0, 0.1 * rows, rows), command, read)
+
+
+@given(
+    st.integers(0, 10**6), st.integers(200, 900), st.floats(0.5, 8.0), st.floats(0.3, 0.7), st.floats(8.0, 1e4),
+    st.sampled_from((-1.0, 1.0)),
+)  # fmt: skip
+@examples(max_examples=40, deadline=None)
+def test_a_jump_is_found_at_its_row_and_taken_out(
+    seed: int, rows: int, lag_rows: float, place: float, spans: float, sign: float
+) -> None:
+    record = answering(np.random.default_rng(seed), rows, lag_rows, 0.05)
+    row, height = round(place * rows), sign * spans * 20.0
+    jumped = Record(
+        record.time_s, record.voltage_V, record.displacement_um + np.where(np.arange(rows) >= row, height, 0.0)
+    )
+    steady = without_zero_move(jumped)
+    assert steady.zero_move is not None
+    # a lost reading leaves the row open
+    assert abs(steady.zero_move.row - row) <= 2
+    assert steady.zero_move.height_um == pytest.approx(height, abs=1.5)
+    assert without_zero_move(steady) is steady
+
+
+@given(st.integers(0, 10**6), st.integers(40, 600), st.floats(0.5, 200.0), st.integers(1, 60))
+@examples(max_examples=60, deadline=None)
+def test_what_a_device_answers_is_no_jump(seed: int, rows: int, lag_rows: float, dwell: int) -> None:
+    record = answering(np.random.default_rng(seed), rows, lag_rows, 0.05, dwell)
+    assert zero_move(record) is None
+    assert without_zero_move(record) is record
+
+
+@pytest.mark.parametrize("late_rows", [0, 30])
+def test_one_step_of_the_command_is_no_jump_however_late_it_is_answered(late_rows: int) -> None:
+    command = np.repeat([0.0, 10.0], [60, 140])
+    read = np.repeat([0.0, 50.0], [60 + late_rows, 140 - late_rows]) + 0.1 * np.sin(np.arange(200.0))
+    assert zero_move(Record(np.linspace(0.0, 20.0, 200), command, read)) is None
+
+
+class Lag:
+    """gain / (tau s + 1), stepped exactly."""
+
+    def __init__(self, gain: float = 0.5, tau_s: float = 0.3) -> None:
+        self.gain, self.tau_s, self.y = gain, tau_s, 0.0
+
+    def reset(self) -> None:
+        self.y = 0.0
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        target = self.gain * voltage_V
+        self.y = target + (self.y - target) * math.exp(-step_s / self.tau_s)
+        return self.y
+
+    def close(self) -> None: ...
+
+
+def _record(time_s: np.ndarray, voltage_V: np.ndarray, displacement_um: np.ndarray) -> Record:
+    return Record(time_s, voltage_V, displacement_um)
+
+
+def _steady_sine(plant: Lag, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A sine around 5 V and the lag's answer to it long after it began, in closed form."""
+    omega = 2 * np.pi
+    phase = math.atan(omega * plant.tau_s)
+    return 5 + 3 * np.sin(omega * time_s), plant.gain * (5 + 3 * math.cos(phase) * np.sin(omega * time_s - phase))
+
+
+def test_record_from_rest_is_replayed_from_rest():
+    plant, time_s = Lag(), np.arange(200) / 50
+    voltage_V = np.where(time_s < 1, 0.0, 10.0)
+    truth = np.where(time_s <= 1, 0.0, plant.gain * 10 * (1 - np.exp(-(time_s - 1) / plant.tau_s)))
+    result = replay(plant, _record(time_s, voltage_V, truth))
+    assert result.start == "rest"
+    assert result.simulated_um == pytest.approx(truth, abs=1e-9)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(0.1, 30))
+def test_record_that_starts_in_motion_is_met_from_its_first_row(offset_um, gain):
+    plant, time_s = Lag(), np.arange(800) / 200
+    voltage_V, truth = _steady_sine(plant, time_s)
+    result = replay(plant, _record(time_s, voltage_V, gain * truth + offset_um), input_hold="linear")
+    assert result.start == "motion"
+    assert result.simulated_um == pytest.approx(truth, abs=0.01)
+
+
+def test_step_from_rest_at_the_first_row_needs_no_lead_in():
+    plant, time_s = Lag(), np.arange(200) / 50
+    truth = plant.gain * 10 * (1 - np.exp(-time_s / plant.tau_s))
+    result = replay(plant, _record(time_s, np.full(200, 10.0), truth))
+    assert result.start == "rest"
+    assert result.acting_V[:2].tolist() == [0.0, 10.0]
+
+
+def test_acting_voltage_is_that_of_the_row_before_when_held_and_of_the_row_when_straight():
+    plant, time_s = Lag(), np.arange(4) / 10
+    record = _record(time_s, np.array([0.0, 0.0, 2.0, 3.0]), np.zeros(4))
+    assert replay(plant, record).acting_V.tolist() == [0.0, 0.0, 0.0, 2.0]
+    assert replay(plant, record, input_hold="linear").acting_V.tolist() == [0.0, 0.0, 2.0, 3.0]
+
+
+@given(st.lists(st.floats(-50, 50), min_size=3, max_size=20), st.floats(1e-6, 1e6))
+def test_untimed_rows_are_settled_pairs_whatever_the_times_say(voltages, scale):
+    plant, voltage_V = Lag(), np.array(voltages)
+    record = _record(scale * np.arange(1, voltage_V.size + 1), voltage_V, np.zeros_like(voltage_V))
+    result = replay(plant, record, untimed=True)
+    assert result.simulated_um == pytest.approx(plant.gain * voltage_V, abs=RESTING_UM)
+    assert result.acting_V.tolist() == voltages
+
+
+def test_lost_frames_do_not_decide_how_the_record_starts():
+    plant, time_s = Lag(), np.arange(800) / 200
+    voltage_V, truth = _steady_sine(plant, time_s)
+    lost = truth.copy()
+    lost[[0, 5, 700]] = np.nan
+    result = replay(plant, _record(time_s, voltage_V, lost), input_hold="linear")
+    assert result.start == "motion"
+
+
+def test_untimed_rows_wait_for_a_slow_plant():
+    plant = Lag(tau_s=4.0)
+    voltage_V = np.array([1.0, 50.0, -50.0])
+    result = replay(plant, _record(np.arange(3.0), voltage_V, np.zeros(3)), untimed=True)
+    assert result.simulated_um == pytest.approx(plant.gain * voltage_V, abs=RESTING_UM)

@@ -1,16 +1,24 @@
-"""Model files: what is read is what is meant, and what cannot be is refused with its place."""
+"""Model files: what is read is what is meant, measured numbers, the range in which a model was learned."""
 
 import math
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
+from few import few_rows
+from hypothesis import given
+from hypothesis import strategies as st
 
-from bender_plant.blocks import BLOCKS, STAGES
-from bender_plant.model import BUILT_IN, ModelError, load_model, model_from_table
-from bender_plant.parameter import meanings, unit_suffix
+from bender_cli.main import main
+from bender_plant.blocks import BLOCKS, STAGES, electrostriction, rate_independent_hysteresis
+from bender_plant.composite_beam import natural_frequency_Hz, static_gain_um_per_V
+from bender_plant.kernels.curve import bent
+from bender_plant.model import BUILT_IN, load_model, model_from_table
+from bender_plant.parameter import ModelError, meanings, unit_suffix
+from bender_plant.valid_range import ValidRange
 from bender_plant.variables import variables
 
 
@@ -133,3 +141,126 @@ def test_a_name_that_is_no_text_can_be_written_anywhere(name: str):
     assert model.name.isprintable()
     model.name.encode()
     assert replace(model, name="µ gain é").name == "µ gain é"
+
+
+def table(sensitivity: Any = 0.46, frequency: Any = 118.0, **modes: Any) -> dict[str, Any]:
+    return {
+        "format": 1,
+        "name": "mine",
+        "block": [
+            {"id": "linear_transduction", "sensitivity_um_per_V": sensitivity},
+            {"id": "bending_modes", "first_frequency_Hz": frequency} | modes,
+            {"id": "calibration"},
+        ],
+    }
+
+
+def constants(model: Any) -> dict[str, Any]:
+    return {x.id: BLOCKS[x.id].constants(x.parameters, model.beam) for x in model.blocks}
+
+
+def test_given_the_numbers_of_a_beam_the_model_is_that_of_the_beam() -> None:
+    beam = load_model("beam")
+    assert beam.beam is not None
+    gain, first = static_gain_um_per_V(beam.beam), natural_frequency_Hz(beam.beam, 1)
+    mine = constants(model_from_table(table(gain, first, count=4, shares="beam")))
+    theirs = constants(beam)
+    assert mine["linear_transduction"] == pytest.approx(theirs["linear_transduction"], rel=1e-14)
+    for own, other in zip(mine["bending_modes"], theirs["bending_modes"], strict=True):
+        assert own == pytest.approx(other, rel=1e-12)
+
+
+def test_it_survives_its_file(tmp_path: Path) -> None:
+    model = model_from_table(table())
+    path = tmp_path / "mine.toml"
+    path.write_text(tomli_w.dumps(model.to_table()), encoding="utf-8")
+    assert load_model(path) == model
+    assert "beam" not in model.to_table()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (table(sensitivity="much"), "linear_transduction.sensitivity_um_per_V: found 'much'"),
+        (table(frequency=0.0), "bending_modes.first_frequency_Hz: found 0.0, expected 0.001 to"),
+        (table(frequency=float("nan")), "bending_modes.first_frequency_Hz: found nan"),
+    ],
+)
+def test_what_is_no_number_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        model_from_table(given)
+
+
+def test_without_beam_and_numbers_both_ways_are_told() -> None:
+    for place, key in ((0, "sensitivity_um_per_V"), (1, "first_frequency_Hz")):
+        short = table()
+        del short["block"][place][key]
+        with pytest.raises(ModelError, match=rf"expected one to take .* from, or {key}"):
+            model_from_table(short)
+
+
+LEARNED = ValidRange(0.0, 50.0, 40.0)
+
+
+@given(st.lists(st.floats(-100.0, 100.0), min_size=1))
+def test_only_commands_outside_leave_the_range(volts: list[float]) -> None:
+    assert bool(LEARNED.left_by(volts)) == (min(volts) < -5e-5 or max(volts) > 50.0 + 5e-5)
+
+
+def test_the_range_stands_in_the_file_and_outlives_a_block() -> None:
+    model = replace(load_model("paper"), valid=LEARNED)
+    assert model_from_table(model.to_table()) == model
+    assert model.with_block("transport_delay", delay_s=0.1).valid == LEARNED
+    assert "valid" not in load_model("paper").to_table()
+
+
+@pytest.mark.parametrize(
+    ("valid", "told"),
+    [
+        ({"lowest_V": 1.0, "highest_V": 0.0, "longest_s": 1.0}, "empty range"),
+        ({"lowest_V": "low", "highest_V": 0.0, "longest_s": 1.0}, "valid.lowest_V: found 'low'"),
+        ({"lowest_V": 0.0, "highest_V": float("inf"), "longest_s": 1.0}, "valid.highest_V: found inf"),
+        ({"lowest_V": 0.0}, "valid"),
+        ({"lowest_V": 0.0, "highest_V": 1.0, "longest_s": 1.0, "mood": 1.0}, "valid.mood: unknown key"),
+        (3, "valid: found 3, expected a table"),
+    ],
+)
+def test_a_range_that_is_none_is_refused(valid: object, told: str) -> None:
+    with pytest.raises(ModelError, match=told.replace("(", r"\(")):
+        model_from_table(load_model("paper").to_table() | {"valid": valid})
+
+
+@pytest.mark.parametrize(("top_V", "is_said"), few_rows([(40.0, False), (60.0, True)], 1))
+def test_compare_says_that_a_record_leaves_it(
+    top_V: float, is_said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, record = tmp_path / "model.toml", tmp_path / "record.csv"
+    model.write_text(tomli_w.dumps(replace(load_model("paper"), valid=LEARNED).to_table()), encoding="utf-8")
+    record.write_text(f"time_s,voltage_V,displacement_um\n0,0,0\n1,10,4\n2,{top_V},9\n3,0,1\n", encoding="utf-8")
+    assert main(["compare", str(record), "--model", str(model), "--out", str(tmp_path / "out")]) == 0
+    assert ("is an extrapolation" in capsys.readouterr().out) == is_said
+
+
+@pytest.mark.parametrize("v", [-40.0, -10.0, -3.0, 0.0, 12.0, 20.0, 33.0])
+def test_a_curve_runs_straight_beyond_what_it_was_learned_from(v: float) -> None:
+    """Inside it is the power law; outside, the line from the origin through its end."""
+    low, high = -10.0, 20.0
+
+    def cubic(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
+        return rate_independent_hysteresis.reversible(x, 0.3, -0.02, 0.001, *ends)
+
+    def square(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
+        return electrostriction.parabola(x, 0.01, 0.002, 0.0, *ends)
+
+    def reading(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
+        return bent(x, 0.02, -1e-3, 1e-5, 1e-6, *ends)
+
+    for law in (cubic, square, reading):
+        end = min(max(v, low), high)
+        expected = law(end) * v / end if end else 0.0
+        assert law(v, (low, high)) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_the_ends_of_a_curve_lie_apart() -> None:
+    with pytest.raises(ModelError, match="straight_below_V"):
+        electrostriction.Parameters(0.1, straight_below_V=3.0, straight_above_V=3.0)

@@ -1,18 +1,22 @@
-"""The chain of blocks against solve_ivp, and the laws of time: step halving, purity, rest."""
+"""The chain of blocks against solve_ivp, the laws of time and scale, parabolas and plays at their turns."""
 
 import math
 
 import numpy as np
 import pytest
 from few import few
-from hypothesis import given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from plant_runs import run_plant
 from scipy.integrate import solve_ivp
 
+from bender_compiled.simulation import Drive, Simulator
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import natural_frequency_Hz, static_gain_um_per_V, static_share
+from bender_plant.kernels.play import first_engagement, play
 from bender_plant.model import BlockSettings, Model, load_model
+from bender_plant.parabola import INSTANT, cut, first_crossing, turning_point, value
+from bender_plant.parameter import WIDEST, meanings
 from bender_plant.plant import Plant
 
 MICRON = 1e-3  # the contract's 1e-9 m, in um
@@ -169,3 +173,136 @@ def test_impossible_inputs_are_refused(voltage: float, step: float) -> None:
     plant = Plant(load_model("paper"))
     with pytest.raises(ValueError, match="expected finite"):
         plant.step(plant.initial(), voltage, 0.0, step)
+
+
+values = st.floats(-50.0, 50.0).map(lambda x: round(x, 6))
+
+
+@given(st.tuples(values, values, values), values, st.integers(0, 40))
+def test_a_level_is_passed_at_the_same_instant_in_any_unit(
+    course: tuple[float, float, float], level: float, power: int
+) -> None:
+    """Units are powers of two: only what counts as negligible may differ."""
+    unit = 2.0**power
+    u0, um, u1 = course
+    own, scaled = first_crossing(*course, level), first_crossing(unit * u0, unit * um, unit * u1, unit * level)
+    assert scaled == pytest.approx(own, abs=1e-6) or min(abs(course[0] - level), abs(course[2] - level)) < 1e-6
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3, 1e6, 1e9])
+def test_a_backlash_reads_the_same_in_any_unit(unit: float) -> None:
+    time = np.arange(400) / 50.0
+    command = 20.0 * np.sin(3.0 * time) + 5.0 * np.sin(17.0 * time)
+    own, scaled = (
+        Simulator(Drive(time, time, k * command, linear=True)).run(
+            load_model("beam").with_block("backlash", half_width_um=3.0 * k)
+        )
+        for k in (1.0, unit)
+    )
+    np.testing.assert_allclose(scaled.reading_um, unit * own.reading_um, rtol=1e-6, atol=1e-6 * unit)
+
+
+def test_no_number_of_a_device_is_bounded_by_the_unit_in_which_it_is_read() -> None:
+    for block in BLOCKS.values():
+        for name, meaning in meanings(block.parameters).items():
+            if any(x in meaning.unit for x in ("um", "V")) and not name.startswith("straight") and "far" not in name:
+                assert meaning.low in (0.0, 1e-30, -WIDEST), (block.id, name)
+                assert meaning.high in (0.0, WIDEST, 1e9), (block.id, name)
+
+
+number = st.floats(-50.0, 50.0)
+fraction = st.floats(0.01, 0.99)
+
+
+@given(number, number, number)
+def test_a_parabola_passes_its_three_points(u0: float, um: float, u1: float) -> None:
+    assert [value(u0, um, u1, x) for x in (0.0, 0.5, 1.0)] == pytest.approx([u0, um, u1], abs=1e-9)
+
+
+@given(number, number, number, fraction, fraction)
+def test_the_parts_lie_on_the_whole(u0: float, um: float, u1: float, at: float, x: float) -> None:
+    left, middle, right, end = cut(u0, um, u1, at)
+    assert value(u0, left, middle, x) == pytest.approx(value(u0, um, u1, x * at), abs=1e-9)
+    assert value(middle, right, end, x) == pytest.approx(value(u0, um, u1, at + x * (1 - at)), abs=1e-9)
+
+
+@given(number, number, number, number)
+def test_the_first_crossing_is_where_the_sign_first_changes(u0: float, um: float, u1: float, level: float) -> None:
+    # what happens within an instant of the ends is no business of a cut
+    x = np.linspace(1e-5, 1.0 - 1e-5, 2001)
+    curve = np.array([value(u0, um, u1, at) for at in x])
+    above = curve > level
+    changes = np.nonzero(above[1:] != above[:-1])[0]
+    assume(abs(u0 - level) > 1e-6)
+    assume(abs(u1 - level) > 1e-6)
+    found = first_crossing(u0, um, u1, level)
+    if found < 1.0:
+        assert value(u0, um, u1, found) == pytest.approx(level, abs=1e-6)
+        assert not np.any(x[changes] < found - 1e-3)
+    else:
+        # a touch is no passing
+        beyond = (curve - level) * np.sign(level - curve[0])
+        assert beyond.max() < 1e-6
+
+
+@given(number, number, number)
+def test_a_parabola_turns_where_its_slope_is_zero(u0: float, um: float, u1: float) -> None:
+    at = turning_point(u0, um, u1)
+    if at < 1.0:
+        peak = value(u0, um, u1, at)
+        assert (peak - u0) * (peak - u1) > 0.0
+    else:
+        rises = np.diff([value(u0, um, u1, x) for x in np.linspace(0.0, 1.0, 101)])
+        assert rises.max() <= 1e-4 or rises.min() >= -1e-4
+
+
+def test_standing_on_the_level_is_no_crossing() -> None:
+    assert first_crossing(1.0, 2.0, 3.0, 1.0) == 1.0
+    assert first_crossing(3.0, 2.0, 1.0, 1.0) == 1.0
+    assert first_crossing(0.0, 1.0, 0.0, 0.0) == 1.0
+    # leaves the level, comes back through it and goes on
+    assert first_crossing(0.0, 1.0, -6.0, 0.0) == pytest.approx(0.625)
+
+
+def test_the_end_of_one_cut_does_not_call_for_the_next() -> None:
+    # slope and bend of rounding size at the start: the remainder of a cut at a turning point
+    assert first_crossing(23.239842862624958, 23.239843522200143, 23.239845500925714, 23.239842862624958) == 1.0
+
+
+def test_a_line_that_starts_on_the_level_does_not_cross_it() -> None:
+    # a bend of rounding size puts the second root far before the start
+    u0, u1 = 3.526305469847557e-08, 4.1748826618004387e-11
+    for level in (u0, u0 - 1.8e-15, u0 + 1.8e-15):
+        assert first_crossing(u0, 1.7652401762546788e-08, u1, level) == 1.0
+
+
+NEAR = 1e-6
+VOLTS = st.floats(-60.0, 60.0)
+RADII = st.lists(st.floats(0.0, 40.0), min_size=1, max_size=4)
+
+
+@given(VOLTS, VOLTS, VOLTS, RADII, st.data())
+@example(0.0, 5.0, 10.0, [5.0], None)
+@example(0.0, 8.0, 0.0, [3.0], None)
+@example(0.0, 0.0, 11.0, [1e-3, 1e-5], None)
+def test_until_it_ends_every_play_stands_or_is_pushed(u0, um, u1, radii, data):
+    outputs = [0.0] * len(radii) if data is None else [data.draw(VOLTS) for _ in radii]
+    end = first_engagement(tuple(outputs), tuple(radii), u0, um, u1)
+    assert 0.0 < end <= 1.0
+    inside = np.array([value(u0, um, u1, x) for x in np.linspace(0.0, end, 202)[1:-1]])
+    steps = np.diff(np.concatenate([[u0], inside, [value(u0, um, u1, end)]]))
+    assert np.all(steps >= -NEAR) or np.all(steps <= NEAR)
+    # what happens within an instant of the beginning is taken for it
+    near = NEAR + 8.0 * INSTANT * float(np.ptp((u0, um, u1)))
+    for output, radius in zip(outputs, radii, strict=True):
+        at_start = play(output, u0, radius)
+        pushed = (inside - radius > at_start + near) | (inside + radius < at_start - near)
+        stands = (inside - radius < at_start - near) & (inside + radius > at_start + near)
+        assert not (pushed.any() and stands.any())
+
+
+@given(st.floats(0.1, 30.0), st.floats(-20.0, 20.0), st.floats(0.1, 40.0))
+def test_a_play_engages_where_a_straight_input_has_crossed_its_slack(radius, start, rise):
+    end = first_engagement((start,), (radius,), start, start + 0.5 * rise, start + rise)
+    expected = radius / rise if NEAR < radius / rise < 1.0 - NEAR else 1.0
+    assert abs(end - expected) < 1e-6

@@ -1,10 +1,9 @@
-"""Benches, their records and files: what is promised to the judge."""
+"""Benches, their records, files and instruments: what is promised to the judge, what meters show."""
 
 from few import few
 import json
 from dataclasses import replace
 from pathlib import Path
-
 import numpy as np
 import pytest
 from bender_loop.errors import InputError
@@ -24,6 +23,12 @@ from bender_proving.records.frames import spoil
 from bender_proving.cases.hidden import SENSORS, Sensor
 from hypothesis import given
 from hypothesis import strategies as st
+from bender_proving.cases.case import Case
+from bender_proving.records.beside import COLUMNS
+from bender_proving.cases.hidden import Hidden
+from bender_proving.cases.witnessed import SITUATIONS, witnessed_case
+from bender_proving.chain import Commands, terminals_V
+from bender_proving.records.meters import Ammeter, Thermometer, Voltmeter, drawn_voltmeter
 
 
 @pytest.mark.parametrize("sensor", few(SENSORS, 0))
@@ -164,3 +169,142 @@ def test_voltages_out_of_range_are_refused():
         Excitation("camera", np.arange(3.0), np.array([0.0, 51.0, 0.0]))
     with pytest.raises(ValueError, match="time_s"):
         Excitation("camera", np.zeros(3), np.zeros(3))
+
+
+LAGS = ("source_resistance", "sensor_lag")
+
+
+def _read(case: Case, column: str, number: int = 10) -> tuple[np.ndarray, np.ndarray]:
+    """The commanded voltage and what the instrument shows, shapes (n,)."""
+    bench = Bench(case)
+    plan = bench.excitation()
+    record = bench.with_columns(bench.record(plan, bench.noise(number), number), plan, (column,), number)
+    shown = getattr(record, column)
+    assert shown is not None
+    assert shown.shape == record.voltage_V.shape
+    return record.voltage_V, shown
+
+
+def _off(commanded_V: np.ndarray, shown_V: np.ndarray) -> np.ndarray:
+    """How far a reading lies outside what the supply was told before and in its row."""
+    earlier = np.concatenate([[0.0], commanded_V[:-1]])
+    return np.maximum(np.minimum(commanded_V, earlier) - shown_V, shown_V - np.maximum(commanded_V, earlier))
+
+
+def _lags(case: Case, column: str) -> bool:
+    error_V = 0.05 + 0.005 * 50.0 + 5.0 * 0.02 + 0.01
+    return bool(np.max(_off(*_read(case, column))[1:]) > error_V)
+
+
+@pytest.mark.parametrize("name", few(LAGS, 0))
+@pytest.mark.parametrize("moved", [0.0, 0.2])
+def test_the_electrodes_show_what_lags_before_them_alone(name: str, moved: float) -> None:
+    case = make_case("moved" if moved else "single", (name,), 7, "camera", moved=moved)
+    assert _lags(case, "electrode_voltage_V") == (name == "source_resistance")
+
+
+@pytest.mark.slow
+def test_the_terminals_show_a_lag_of_the_supply_and_none_of_the_leads() -> None:
+    cases = [make_case("single", (name,), seed, "camera") for name in LAGS for seed in range(8)]
+    shown = [_lags(x, "supply_voltage_V") for x in cases]
+    assert 0 < sum(shown[:8]) < 8
+    assert not any(shown[8:])
+
+
+def test_a_moved_form_moves_what_the_supply_puts_out_by_the_same_part() -> None:
+    case = make_case("moved", ("source_resistance",), 7, "camera", moved=0.2)
+    commanded_V, moved_V = _read(case, "electrode_voltage_V")
+    _, plain_V = _read(replace(case, moved=0.0), "electrode_voltage_V")
+    fitted = np.column_stack([plain_V, commanded_V, np.ones_like(plain_V)])
+    of_lag_V = plain_V - fitted[:, 1:] @ np.linalg.lstsq(fitted[:, 1:], plain_V, rcond=None)[0]
+    part = np.std(moved_V - plain_V) / np.std(of_lag_V)
+    assert 0.1 < part < 0.3
+
+
+@pytest.mark.parametrize(("name", "warms"), [("thermal_drift", True), ("creep", False)])
+def test_the_thermometer_shows_what_drifts_with_the_warmth_alone(name: str, warms: bool) -> None:
+    _, shown_C = _read(make_case("single", (name,), 7, "camera"), "temperature_C")
+    tenth = len(shown_C) // 10
+    change_K = abs(np.mean(shown_C[-tenth:]) - np.mean(shown_C[:tenth]))
+    assert (change_K > 0.01) == warms
+
+
+@pytest.mark.parametrize("column", few(COLUMNS, 0))
+def test_a_bench_keeps_its_instruments_and_draws_their_noise_anew(column: str) -> None:
+    case = make_case("single", ("creep",), 3, "camera")
+    (_, first), (_, again), (_, other) = (_read(case, column, number) for number in (10, 10, 11))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    assert abs(np.mean(first - other)) < 0.01  # gain and offset are those of the bench
+
+
+def test_there_is_no_instrument_for_every_column() -> None:
+    bench = Bench(make_case("nothing", (), 1, "camera"))
+    plan = bench.excitation()
+    with pytest.raises(KeyError, match="humidity"):
+        bench.with_columns(bench.record(plan, bench.noise()), plan, ("humidity",))
+
+
+NAMES = tuple(f"{x.effect}-{x.shown_by or x.cleared_by}" for x in SITUATIONS)
+
+
+def _commanded(voltage_V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the most that terminals which follow have in each row."""
+    earlier = np.concatenate([[0.0], voltage_V[:-1]])
+    return np.minimum(voltage_V, earlier), np.maximum(voltage_V, earlier)
+
+
+@pytest.mark.parametrize("number", range(len(NAMES)), ids=NAMES)
+def test_the_instruments_show_what_they_can_and_nothing_else(number: int) -> None:
+    case = witnessed_case(number, 3)
+    record = case.record
+    assert record.temperature_C is not None
+    tenth = len(record) // 10
+    warmed_K = abs(np.mean(record.temperature_C[-tenth:]) - np.mean(record.temperature_C[:tenth]))
+    assert (warmed_K > 0.01) == (case.shown_by == "thermometer")
+    assert (record.current_A is not None) == (case.shown_by == "ammeter")
+    if record.supply_voltage_V is None:
+        assert case.shown_by == "ammeter"
+        return
+    low, high = _commanded(record.voltage_V)
+    # gain, offset, noise and resolution of the meter
+    error_V = 0.06 + 0.005 * record.voltage_V.max() + 5.0 * 0.02 + 0.01
+    off = np.maximum(low - record.supply_voltage_V, record.supply_voltage_V - high)
+    assert (np.max(off[1:]) > error_V) == (case.shown_by == "voltmeter")
+
+
+def test_the_same_number_and_seed_give_the_same_bench() -> None:
+    first, again, other = witnessed_case(1, 5), witnessed_case(1, 5), witnessed_case(1, 6)
+    assert first.hidden == again.hidden
+    assert np.array_equal(first.record.displacement_um, again.record.displacement_um)
+    assert first.hidden != other.hidden
+
+
+def test_the_terminals_of_a_supply_that_slews_climb_in_a_straight_line() -> None:
+    rows_s = np.arange(10) / 10.0
+    commands = Commands(rows_s, rows_s, np.where(rows_s >= 0.1, 5.0, 0.0))
+    slow = Hidden("slew_limit", "hard", 10.0, (("rate_V_per_s", 10.0), ("landing_s", 0.0)))
+    at_s = np.array([0.05, 0.1, 0.2, 0.35, 0.6, 0.9])
+    assert terminals_V(commands, (slow,), at_s) == pytest.approx([0.0, 0.0, 1.0, 2.5, 5.0, 5.0])
+    assert terminals_V(commands, (), at_s) == pytest.approx([0.0, 5.0, 5.0, 5.0, 5.0, 5.0])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_voltmeter_is_read_within_each_row(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    time_s = np.cumsum(rng.uniform(0.5, 1.5, 200))
+    at_s = drawn_voltmeter(rng).instants_s(time_s, rng)
+    assert np.all(at_s >= time_s)
+    assert np.all(at_s[:-1] <= time_s[1:])
+
+
+def test_meters_have_errors_of_their_own() -> None:
+    rng = np.random.default_rng(1)
+    shown = Voltmeter(1.01, 0.1, 0.0, 0.01, 0.5, 0.0).shown_V(np.array([0.0, 10.0]), rng)
+    assert shown == pytest.approx([0.1, 10.2])
+    drawn_A = Ammeter(1e-6, 1e9, 1e-6, 0.0, 1e-9, 0.001).shown_A(np.array([0.0, 5.0]), np.array([0.01, 5.0]), rng)
+    assert drawn_A == pytest.approx([11e-6, 1.005e-6], abs=1e-9)
+    time_s = np.linspace(0.0, 10.0, 1001)
+    late = Thermometer(0.0, 1e-6, 1.0, 20.0).shown_C(time_s, np.minimum(time_s, 1.0), rng)
+    assert late[100] == pytest.approx(20.0 + np.exp(-1.0), abs=1e-3)
+    assert late[-1] == pytest.approx(21.0, abs=1e-3)

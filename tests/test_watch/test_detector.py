@@ -1,10 +1,16 @@
-"""The tests side by side: quiet while nothing changes, quick when something does, the same however rows arrive."""
+"""The tests side by side: quiet while nothing changes, quick when something does, what explains it."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import ndtr
 
+from bender_watch.alarm.onset import onset_of, onset_of_variance
+from bender_watch.alarm.suspects import compared
+from bender_watch.baseline.noise import fit_noise
+from bender_watch.baseline.signatures import distinct_groups
+from bender_watch.sequential import run_length as lengths
 from bender_watch.sequential.detector import GAP, JUDGED, NOT_JUDGED, Detector, Noise, make_tests
 
 WHITE = Noise(np.zeros((1, 0)), np.array([0.5]))
@@ -121,3 +127,182 @@ def test_behind_a_gap_the_first_row_is_judged_without_a_past() -> None:
     residual, signatures = np.array([1.0, 1.0]), np.zeros((2, 2))
     found = own.judge(residual, signatures, np.array([JUDGED, JUDGED + GAP]), np.ones(2))
     assert found.innovations == pytest.approx([1.0 * 0.6 / 0.5] * 2)
+
+
+def simulated_run_length(reference: float, threshold: float, rows: int, seed: int) -> float:
+    """Mean rows between crossings of a CUSUM of normal rows that begins anew after each."""
+    total, crossings = 0.0, 0
+    for x in np.random.default_rng(seed).standard_normal(rows):
+        total = max(0.0, total + x - reference)
+        if total >= threshold:
+            total, crossings = 0.0, crossings + 1
+    return rows / crossings
+
+
+@pytest.mark.parametrize("reference", [0.25, 0.5, 1.0])
+def test_approximation_chain_and_simulation_agree(reference: float) -> None:
+    threshold = lengths.cusum_threshold(300.0, reference)
+    chain = lengths.markov_run_length(ndtr, reference, threshold)
+    assert lengths.siegmund_run_length(reference, threshold) == pytest.approx(300.0, rel=0.02)
+    assert chain == pytest.approx(300.0, rel=0.08)
+    assert simulated_run_length(reference, threshold, 150_000, 1) == pytest.approx(chain, rel=0.2)
+
+
+@given(st.floats(1e2, 1e9), st.floats(1.1, 100.0))
+def test_rarer_false_alarms_have_higher_thresholds(run_length: float, factor: float) -> None:
+    assert lengths.glr_threshold(run_length * factor, 9.0) > lengths.glr_threshold(run_length, 9.0)
+
+
+def test_the_union_of_few_windows_is_below_all_of_them() -> None:
+    few, many = lengths.glr_threshold(1e6, 2.0), lengths.glr_threshold(1e6, 1e6)
+    assert few < many
+    assert lengths.glr_run_length(many) == pytest.approx(1e6, rel=1e-3)
+    assert 2.0 * 2.0 * ndtr(-few) == pytest.approx(1e-6, rel=1e-6)
+
+
+@given(st.floats(0.5, 5.0), st.floats(-6.0, 6.0))
+def test_what_is_clipped_has_no_tail(clip: float, value: float) -> None:
+    at = np.array([value])
+    normal, square = lengths.clipped_normal(clip)(at)[0], lengths.clipped_square(clip)(at)[0]
+    assert normal == (1.0 if value >= clip else 0.0 if value < -clip else pytest.approx(ndtr(value)))
+    assert square == (1.0 if value >= clip**2 else 0.0 if value < 0.0 else pytest.approx(2.0 * ndtr(value**0.5) - 1.0))
+
+
+def test_a_run_length_of_a_few_rows_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least 10 rows"):
+        lengths.glr_threshold(5.0, 9.0)
+
+
+def test_the_interval_holds_the_row_of_the_change() -> None:
+    rng = np.random.default_rng(1)
+    held = 0
+    for _ in range(200):
+        z = np.repeat(rng.standard_normal(40), 10)
+        e = rng.standard_normal(400)
+        e[250:] += 1.2 * z[250:]
+        found = onset_of(e, z)
+        # rows in which the signature is near nought say nothing: either side of them is the same change
+        held += found.low <= 250 <= found.high + 1
+    assert held >= 180
+
+
+def test_amplitude_and_its_deviation() -> None:
+    rng = np.random.default_rng(2)
+    off = []
+    for _ in range(100):
+        z, e = rng.standard_normal(300), rng.standard_normal(300)
+        e[100:] += 0.7 * z[100:]
+        found = onset_of(e, z)
+        off.append((found.amplitude - 0.7) / found.std)
+    assert abs(np.mean(off)) < 0.5
+    assert 0.7 < np.std(off) < 1.4
+
+
+def test_what_grows_is_a_ramp_and_what_stands_is_none() -> None:
+    rng = np.random.default_rng(3)
+    e = rng.standard_normal(600)
+    grown, stood = e.copy(), e.copy()
+    grown[200:] += np.linspace(0.0, 6.0, 400)
+    stood[200:] += 3.0
+    ramp, step = (onset_of(x, np.ones(600)) for x in (grown, stood))
+    assert ramp.grows
+    assert ramp.ramp
+    assert ramp.low <= 230
+    assert not step.grows
+    assert abs(step.place - 200) <= 2
+
+
+def test_louder_noise_and_since_when() -> None:
+    e = np.random.default_rng(4).standard_normal(500)
+    e[300:] *= 2.0
+    found = onset_of_variance(e, louder=True)
+    assert found.low <= 310
+    assert found.high >= 290
+    assert found.amplitude > 1.0
+
+
+@pytest.mark.parametrize("rows", [1000, 4000])
+@pytest.mark.parametrize("phi", [0.0, 0.7])
+def test_outlying_readings_are_no_noise(rows: int, phi: float) -> None:
+    rng = np.random.default_rng(rows)
+    noise = 0.05 * rng.standard_normal(rows)
+    for k in range(1, rows):
+        noise[k] += phi * noise[k - 1]
+    outlying = rng.random(rows) < 0.01
+    found, kept = fit_noise(noise + outlying, np.ones(rows, bool), np.ones(rows), 1e-9)
+    assert not np.any(kept & outlying)
+    assert kept.mean() > 0.95
+    assert found.spreads_um[-1] == pytest.approx(0.05, rel=0.08)
+    assert found.spreads_um[0] == pytest.approx(0.05 / np.sqrt(1.0 - phi**2), rel=0.12)
+
+
+ROWS, AT = 1500, 600
+
+
+def signatures(rng: np.random.Generator) -> np.ndarray:
+    """Return level, gain, a curve of the same movement, and spikes behind its steps."""
+    moves = np.repeat(rng.uniform(-1.0, 1.0, ROWS // 25), 25)
+    spikes = np.where(np.arange(ROWS) % 25 == 0, np.diff(moves, prepend=0.0), 0.0)
+    return np.column_stack([np.ones(ROWS), moves, moves**2 + 0.5 * moves, spikes])
+
+
+def suspected(e: np.ndarray, z: np.ndarray, *only: int) -> tuple[int, int]:
+    onsets = [onset_of(e, z[:, j]) for j in range(z.shape[1])]
+    likelihood, moved = compared(e, z, onsets, np.isin(np.arange(z.shape[1]), only))
+    best = int(np.argmax(likelihood))
+    return best, moved[best].place
+
+
+def changed(rng: np.random.Generator, added: np.ndarray) -> np.ndarray:
+    return rng.standard_normal(ROWS) + np.where(np.arange(ROWS) >= AT, added, 0.0)
+
+
+def test_what_is_left_beside_level_and_gain_is_compared() -> None:
+    rng = np.random.default_rng(1)
+    z = signatures(rng)
+    best, place = suspected(changed(rng, 2.0 * z[:, 2] - 0.8 * z[:, 1]), z)
+    assert best == 2
+    assert abs(place - AT) < 60
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_level_and_gain_alone_are_not_told_as_more(place: int) -> None:
+    rng = np.random.default_rng(2)
+    z = signatures(rng)
+    assert suspected(changed(rng, 0.7 * z[:, place]), z)[0] == place
+
+
+def test_a_sign_that_an_effect_cannot_have_is_not_taken_for_it() -> None:
+    rng = np.random.default_rng(6)
+    z = signatures(rng)
+    e = changed(rng, -1.5 * z[:, 2])
+    assert suspected(e, z)[0] == 2
+    assert suspected(e, z, 2)[0] != 2
+
+
+def test_few_large_rows_keep_their_shape_and_a_wild_one_is_set_aside() -> None:
+    rng = np.random.default_rng(3)
+    z = signatures(rng)
+    e = changed(rng, 25.0 * z[:, 3])
+    e[900] = 1e6
+    best, place = suspected(e, z)
+    assert best == 3
+    assert abs(place - AT) < 60
+
+
+def test_an_effect_is_grouped_by_what_it_adds_to_level_and_gain() -> None:
+    rng = np.random.default_rng(4)
+    z = signatures(rng)
+    effects = ["offset", "gain_error", "curve", "spikes", "another curve", "gain again"]
+    every = np.column_stack([z, z[:, 2] - 0.9 * z[:, 1], z[:, 1] + 0.02 * z[:, 3]])
+    groups = distinct_groups(effects, every, 2)
+    assert [x.effects for x in groups] == [
+        ("offset",), ("gain_error", "gain again"), ("curve", "another curve"), ("spikes",)
+    ]  # fmt: skip
+
+
+def test_other_forms_of_an_effect_take_no_place_of_another_effect() -> None:
+    rng = np.random.default_rng(5)
+    names = ["offset", "gain_error", *["creep"] * 20, "backlash"]
+    groups = distinct_groups(names, rng.standard_normal((400, len(names))), 2)
+    assert ("backlash",) in [x.effects for x in groups]

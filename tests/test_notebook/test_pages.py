@@ -1,6 +1,8 @@
-"""The tutorial's notebook runs from top to bottom, from a spreadsheet to a controller on the corrected model."""
+"""The tutorial's notebook and the program on the how-to page run as they stand."""
 
 import json
+import re
+import shutil
 from pathlib import Path
 
 import nbformat
@@ -38,3 +40,18 @@ def test_the_tutorial_ends_with_a_better_controller(tmp_path: Path, monkeypatch:
     assert (told["effects"][0]["id"], told["effects"][0]["grade"]) == ("slew_limit", "certain")
     assert not check(saved / "model.fmu").faults
     assert (saved / "controller" / "gains.toml").is_file()
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.slow
+def test_the_program_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
+    text = (ROOT / "docs" / "how-to" / "use-it-from-python.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    shutil.copy(ROOT / "examples" / "record.csv", tmp_path / "record.csv")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(program, "use-it-from-python.md", "exec"), {"__name__": "__main__"})
+    assert "named ['" in capsys.readouterr().out
+    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert {"results/diagnosis/model.fmu", "results/diagnosis/report.html", "results/tune/gains.toml"} <= written

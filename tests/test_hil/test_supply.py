@@ -1,7 +1,17 @@
-"""Each driver against the literal words of its manual."""
+"""Supplies: the literal words of their manuals, answers that are none, real sockets that misbehave."""
+
+import contextlib
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 from emulated_bench import ScriptedLink
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.sources.amplified import Amplified
@@ -9,13 +19,220 @@ from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.kinds import make_source
 from bender_hil.sources.line_dialect import LINE_DIALECTS
 from bender_hil.sources.line_source import LineSource
+from bender_hil.supply import parse
 from bender_hil.supply.capability import MODELS, Capability
 from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
-from bender_hil.supply.failures import BadReplyError, ComplaintError, MismatchError, WrongInstrumentError
+from bender_hil.supply.failures import (
+    BadReplyError,
+    ComplaintError,
+    LinkLostError,
+    MismatchError,
+    NoReplyError,
+    SupplyError,
+    WrongInstrumentError,
+)
+from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
+from bender_loop.errors import InputError
+
+pytest.importorskip("pyvisa_py")
+
+IDN = b"B&K Precision, 9115, EMU1, V1\n"
+
+
+@contextlib.contextmanager
+def served(talk: Callable[[socket.socket], None]) -> Iterator[str]:
+    """The VISA address of a server whose every connection is handled by `talk`."""
+    listener = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                stream, _ = listener.accept()
+                with contextlib.suppress(OSError):
+                    talk(stream)
+                stream.close()
+
+    threading.Thread(target=serve, daemon=True).start()
+    try:
+        yield f"TCPIP::127.0.0.1::{listener.getsockname()[1]}::SOCKET"
+    finally:
+        listener.close()
+
+
+def _link(resource: str) -> VisaLink:
+    return VisaLink(LinkSettings(resource, timeout_s=0.1))
+
+
+def _echo_idn(stream: socket.socket) -> None:
+    while stream.recv(100):
+        stream.sendall(IDN)
+
+
+def test_nagles_algorithm_is_off():
+    with served(_echo_idn) as resource:
+        link = _link(resource)
+        link.open()
+        inner = link._resource.visalib.sessions[link._resource.session].interface
+        assert inner.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        link.close()
+
+
+def test_a_port_where_nobody_listens_is_lost_and_says_so():
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        port = unused.getsockname()[1]
+    link = _link(f"TCPIP::127.0.0.1::{port}::SOCKET")
+    with pytest.raises(LinkLostError, match=str(port)):
+        _open_and_ask(link)
+
+
+def _open_and_ask(link: VisaLink) -> None:
+    # whether opening or asking fails is up to the platform
+    link.open()
+    link.query("*IDN?")
+
+
+def test_a_peer_that_goes_away_ends_within_the_timeout():
+    with served(lambda stream: None) as resource:
+        link = _link(resource)
+        link.open()
+        start_s = time.perf_counter()
+        with pytest.raises(SupplyError):
+            link.query("*IDN?")
+        assert time.perf_counter() - start_s < 5.0
+        link.close()
+
+
+def test_silence_is_no_reply():
+    with served(lambda stream: time.sleep(0.5)) as resource:
+        link = _link(resource)
+        link.open()
+        with pytest.raises(NoReplyError, match="MEAS:VOLT"):
+            link.query("MEAS:VOLT?")
+        link.close()
+
+
+def test_a_link_that_is_closed_cannot_be_written():
+    link = _link("TCPIP::127.0.0.1::1::SOCKET")
+    with pytest.raises(LinkLostError, match="closed"):
+        link.write("VOLT 0")
+    link.close()
+
+
+def test_what_is_no_visa_address_is_bad_input():
+    with pytest.raises(InputError, match="VISA address"):
+        _link("192.168.1.7:5025").open()
+
+
+def test_reopening_leaves_late_answers_behind():
+    """The peer answers one question late on its first connection; on the second all is well."""
+    calls: list[int] = []
+
+    def talk(stream: socket.socket) -> None:
+        calls.append(0)
+        if len(calls) == 1:
+            stream.recv(100)
+            stream.sendall(IDN)
+            stream.recv(100)
+            time.sleep(0.3)
+            with contextlib.suppress(OSError):
+                stream.sendall(b"1\n")
+            return
+        while data := stream.recv(100):
+            for line in data.split(b"\n"):
+                if line.endswith(b"?"):
+                    stream.sendall(IDN if b"IDN" in line else b"0\n")
+
+    with served(talk) as resource:
+        supply = Supply(_link(resource), MODELS["9115"])
+        supply.open()
+        with pytest.raises(NoReplyError):
+            supply.is_on()
+        supply.reconnect()
+        supply.resync()
+        assert supply.confirm_off()
+        supply.close()
+    assert len(calls) >= 2
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("timeout_s", 0.0), ("timeout_s", float("nan")), ("baud", 0), ("spacing_s", -1.0)]
+)
+def test_settings_out_of_range(name: str, value: float):
+    with pytest.raises(ValueError, match=name):
+        LinkSettings("ASRL1::INSTR", **{name: value})  # pyright: ignore[reportArgumentType]
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_is_read_as_it_was_printed(value: float):
+    assert parse.number("?", repr(value)) == value
+
+
+@given(st.text(max_size=12))
+def test_a_number_is_finite_or_refused(text: str):
+    try:
+        assert math.isfinite(parse.number("?", text))
+    except BadReplyError:
+        assert not text.isascii() or not text.strip().isdigit()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "nan", "inf", "1,2", "1 2", "0x1", "1_0", "1e999", "-1E999", "12.3V", "?2.5", '0,"No error"', "１"]
+)
+def test_what_is_no_number_is_refused(text: str):
+    with pytest.raises(BadReplyError):
+        parse.number("MEAS:VOLT?", text)
+
+
+@pytest.mark.parametrize(("text", "on"), [("0", False), ("1", True), (" on ", True), ("OFF", False)])
+def test_switch(text: str, on: bool):
+    assert parse.switch("OUTP?", text) is on
+
+
+@pytest.mark.parametrize("text", ["", "2", "00", "1.0", "yes", "-1"])
+def test_what_is_no_switch_is_refused(text: str):
+    with pytest.raises(BadReplyError):
+        parse.switch("OUTP?", text)
+
+
+@pytest.mark.parametrize("text", ['0,"No error"', "0", "+0, No error", "0,'No error'"])
+def test_no_complaint(text: str):
+    assert parse.complaint("SYST:ERR?", text) is None
+
+
+@pytest.mark.parametrize("text", ['-113,"Undefined header"', "-222", "110,Self test"])
+def test_complaint(text: str):
+    assert parse.complaint("SYST:ERR?", text) == text
+
+
+@pytest.mark.parametrize("text", ["", "12.5", "No error", "B&K Precision, 9115, 1, 2"])
+def test_what_is_no_complaint_is_refused(text: str):
+    with pytest.raises(BadReplyError):
+        parse.complaint("SYST:ERR?", text)
+
+
+def test_the_emulator_is_known_by_its_serial_number():
+    assert parse.identity("*IDN?", "B&K Precision, 9115, EMU000001, V1").is_emulated
+    assert not parse.identity("*IDN?", "B&K Precision, 9115, 800886011777510007, V1").is_emulated
+
+
+@pytest.mark.parametrize("field", ["set_upper_bound", "output_on", "prepare"])
+def test_an_empty_command_is_refused_by_its_name(field: str) -> None:
+    with pytest.raises(ValueError, match=f"{field}: found an empty command"):
+        replace(BK_9115, **{field: ("*CLS", "") if field == "prepare" else ""})
+    assert replace(BK_9115, set_upper_bound=None, prepare=()).prepare == ()
+
+
+@pytest.mark.parametrize(
+    "answer", ["", "B&K, 9115, 1", "B&K, 9115, 1, V1, more", "B&K, , 1, V1", "B&K, 9115, 1,", ",,,"]
+)
+def test_an_identification_has_four_fields_and_none_is_empty(answer: str):
+    with pytest.raises(BadReplyError, match="serial"):
+        parse.identity("*IDN?", answer)
+
 
 IDN_9115 = ("*IDN?", "B&K Precision, 9115, 800886011777510007, V1.01-V1.00")
 IDN_XLN = ("*IDN?", "B&K PRECISION, XLN8018, 275K22178, 1.30-0")
