@@ -180,17 +180,6 @@ def test_words_that_are_none(words: list[str], tmp_path: Path, capsys: pytest.Ca
     refused(capsys, words, "found ", tmp_path)
 
 
-@pytest.mark.slow
-def test_a_long_drive_shows_how_far_it_is(tmp_path: Path) -> None:
-    path = record(tmp_path / "slow.csv", lambda k, r: (40.0 * k, r[1], r[2]))
-    words = [sys.executable, "-m", "bender_cli", "compare", str(path), "--out", str(tmp_path / "out.toml")]
-    # without a compiler the plant of PythonFMU runs, which takes its time
-    slow = {**os.environ, "CC": "false", "XDG_CACHE_HOME": str(tmp_path / "cache"), "HOME": str(tmp_path)}
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=200, env=slow)
-    assert done.returncode == 0, done.stderr
-    assert "driving the model paper: " in done.stderr
-
-
 def _child(words: Sequence[str | bytes], folder: Path) -> "subprocess.CompletedProcess[bytes]":
     command = [sys.executable, "-P", "-m", "bender_cli", *words]
     return subprocess.run(command, cwd=folder, capture_output=True, check=False, timeout=120)

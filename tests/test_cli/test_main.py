@@ -7,7 +7,6 @@ import importlib
 import io
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -260,13 +259,6 @@ def test_bad_input_that_shows_late_is_one_line_under_json(
     assert capsys.readouterr() == ("", "a remark from before\nbender: failed\n")
 
 
-def test_a_failure_under_json_prints_nothing_but_its_line(capsys: pytest.CaptureFixture[str]):
-    assert main(["compare", "no-such.csv", "--json"]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("bender: no-such.csv")
-
-
 @pytest.mark.slow
 def test_quiet_says_no_remark_and_verbose_says_every_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     strange = tmp_path / "strange.csv"
@@ -318,23 +310,6 @@ def test_files_that_a_run_makes_itself_are_no_inputs(tmp_path: Path):
         assert list(run.inputs) == [str(RECORD)]
         assert "bender test" in provenance_line()
         assert RECORD.name in provenance_line()
-
-
-@pytest.mark.slow
-def test_something_is_said_within_the_first_seconds(tmp_path: Path):
-    """A command that says nothing of its own, as a process."""
-    script = (
-        "import sys, time, types; from bender_cli import main as cli;"
-        "from bender_loop.shell.progress import Progress;"
-        "work = lambda a: Progress('counting').__enter__() and time.sleep(2.6) or 0;"
-        "silent = types.ModuleType('silent');"
-        "vars(silent).update(HELP='', EXAMPLE='x', add_arguments=lambda p: None, run=work);"
-        "sys.modules['silent'] = silent; cli.COMMANDS = {'silent': 'silent'}; sys.argv = ['bender', 'silent'];"
-        "cli.entry()"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert done.returncode == 0
-    assert re.fullmatch(r"counting, [123] s\n", done.stderr)
 
 
 def test_the_cache_is_shown_and_cleared(

@@ -18,10 +18,10 @@ from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.measurement.corrected_model import driven
 from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.conclusion.measurement.playable import playable, playable_for
-from bender_discrepancy.conclusion.notes import set_aside, warnings
+from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
 from bender_discrepancy.records.initial_motion import moving, standing_before, started
-from bender_discrepancy.records.observations import observe, only_one_sine
+from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
 from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.workflow import _begun, search_records
@@ -127,20 +127,6 @@ def test_nothing_is_missing_where_a_record_begins_in_motion(roll: int, first_row
     assert found.verdict.word == "no_gap"
 
 
-@pytest.mark.slow
-def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
-    volts = np.concatenate([np.full(8, 40.0), np.zeros(40), levels(60.0, 9)])
-    record = switched_on_late(volts, FRAME_S * 7.5)
-    assert not record.voltage_V[:2].any()
-    found = search_records(PAPER, [record])
-    assert found.verdict.word == "no_gap"
-    (seen,) = found.problem.observations
-    assert seen.start != "rest"
-    (said,) = [x for x in warnings(find(found)) if "begins in motion" in x]
-    assert "left out" in said
-    assert set_aside(found)[0].lost == 0
-
-
 def test_a_quick_recorder_may_hear_nothing_but_ringing_for_long() -> None:
     """More rows ring than tell of a voltage, and a fifth of the record at most is left out."""
     time_s = 1e-5 * np.arange(60_000.0)
@@ -227,18 +213,6 @@ def test_a_long_stand_is_driven_in_steps_that_a_plant_with_short_sub_steps_takes
     assert np.diff(record.time_s).max() <= longest_step_s(model)
     (readings,) = driven(build_plant_fmu(model, tmp_path / "led.fmu"), [record], False)
     assert np.max(np.abs(read.readings(readings) - Simulator(stood.drive).run(model).reading_um)) < 1e-3
-
-
-@pytest.mark.slow
-def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
-    whole = record_of(voltage_V=sine_V(1.0, 1200), effects={"source_resistance": {"time_constant_s": 0.03}})
-    late = cut(whole, 700)
-    found = search_records(PAPER, [late])
-    assert only_one_sine(found.problem.observations)
-    assert found.verdict.word == "ambiguous"
-    said = {found.best.hypothesis.effects[-1], *(x.id for x in found.grades.effects[0].rivals)}
-    assert {"source_resistance", "sensor_lag", "transport_delay", "rate_independent_hysteresis"} <= said
-    assert "periodic_disturbance" not in found.best.hypothesis.effects
 
 
 @pytest.mark.slow

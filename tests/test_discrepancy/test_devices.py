@@ -141,7 +141,6 @@ def test_figure_8_is_hysteresis() -> None:
 
 FREQUENCY_HZ, ZETA, CUBIC, REST_um, NOISE_um = 2.0, 0.05, 2e-4, 6.0, 0.02
 STEP_S, ROWS = 0.04, 1500
-QUICK_HZ, QUINTIC = 41.0, 6e-9
 
 
 def record(
@@ -185,17 +184,6 @@ def test_a_cubic_spring_is_named_alone_wherever_it_is_symmetric(preload_um: floa
     values = found.best.hypothesis.values()
     assert values[0] == pytest.approx(CUBIC, rel=0.02)
     assert values[1:] == (pytest.approx((preload_um,), rel=0.05) if preload_um else ())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cubic", [-1e-4, pytest.param(CUBIC, marks=pytest.mark.slow)])
-def test_a_spring_with_a_part_of_the_fifth_degree_is_one_effect(cubic: float) -> None:
-    """It rings more than once between two rows: springs of either sign are valleys of the misfit."""
-    found = search_records(oscillator(QUICK_HZ), [record(cubic=cubic, quintic=QUINTIC, frequency_Hz=QUICK_HZ)])
-    assert (found.verdict.word, found.best.hypothesis.effects) == ("named", ("stiffening",))
-    assert found.verdict.complete
-    assert found.best.hypothesis.values()[0] == pytest.approx(cubic, rel=0.02)
-    assert found.best.hypothesis.values()[1] == pytest.approx(-QUINTIC / cubic, rel=0.2)
 
 
 PAPER = load_model("paper")
@@ -268,24 +256,6 @@ def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
     (hum,) = (x for x in forms if x.effect == "periodic_disturbance")
     assert (hum.free[-1].high > 100.0) == uneven
     assert hum.free[-1].high >= 0.5 / np.median(np.diff(record.time_s))
-
-
-@pytest.mark.slow
-def test_one_of_two_equal_lags_is_recalibrated() -> None:
-    given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
-    given = given.with_block("source_resistance", time_constant_s=0.01)
-    found = search_records(given, [record_of(given.with_block("sensor_lag", time_constant_s=0.05))])
-    assert found.verdict.word == "recalibrated"
-    assert not found.best.hypothesis.effects
-
-
-@pytest.mark.slow
-def test_a_lag_that_is_not_the_models_own_is_an_effect() -> None:
-    given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
-    bench = given.with_block("source_resistance", time_constant_s=0.01)
-    found = search_records(given, [record_of(bench, voltage_V=levels(30.0))])
-    assert found.verdict.word == "named"
-    assert found.best.hypothesis.effects == ("source_resistance",)
 
 
 def _fitted(problem: FitProblem, hypothesis: Hypothesis) -> Fitted:

@@ -119,12 +119,6 @@ def test_after_a_short_record_a_short_one_is_asked_for_where_it_separates_the_ri
     assert np.allclose(np.diff(short.time_s), 1.0 / 2000.0)
 
 
-@pytest.mark.slow
-def test_what_is_slow_is_given_its_time_after_a_short_record_as_well() -> None:
-    slow = _after(1.0, ("1 relaxation", (0.1, 12.0)), ("thermal_drift", (2.0, 12.0)))
-    assert slow.time_s[-1] > 20.0
-
-
 def test_after_hours_with_rows_far_apart_a_long_one_is_asked_for() -> None:
     """An oven: steps of half a second between rows of five would say nothing."""
     slow = _after(3600.0, ("1 relaxation", (0.1, 600.0)), ("thermal_drift", (2.0, 600.0)), step_s=5.0)
@@ -211,17 +205,6 @@ def test_what_no_command_would_show_is_said_to_be_invisible() -> None:
     assert found.to_dict()["value"] is None
     (row,) = visible_rows({"slew_limit": found.to_dict()})
     assert row["size"] == NEVER
-
-
-@pytest.mark.slow
-def test_an_effect_that_was_found_is_sized_beside_the_others() -> None:
-    base = load_model("beam")
-    hidden = {"creep": {"gains": (0.06,), "time_constants_s": (1.5,)}}
-    found = search_records(base, [record_of("beam", hidden, voltage_V=levels(40.0))])
-    assert found.best.hypothesis.effects == ("creep",)
-    size = smallest_visible(found)["creep"].value
-    assert size is not None
-    assert 0.0 < size < 0.06
 
 
 def test_every_effect_of_the_catalogue_has_a_size_that_can_be_told() -> None:

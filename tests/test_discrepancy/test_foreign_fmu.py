@@ -16,9 +16,8 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
 from bender_loop.tables.quantities import Quantities
-from bender_native.ready import ready_plant_fmu
 from bender_plant.blocks import BLOCKS
-from bender_plant.model import BlockSettings, Model, load_model
+from bender_plant.model import BlockSettings, Model
 
 pytestmark = needs_compiler
 NOISE_um, STEP_S, ROWS = 0.02, 0.02, 1200
@@ -149,21 +148,6 @@ def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_a_bent_input_is_named_on_uneven_rows(lag: Path):
-    """The effect has no memory, but one step per row would not meet uneven rows."""
-    rng = np.random.default_rng(9)
-    times = np.cumsum(rng.uniform(0.9, 1.1, ROWS)) * STEP_S
-    volts, found = levels_V(), np.zeros(ROWS)
-    acts = volts + 0.004 * volts**2
-    for k, keep in enumerate(np.exp(-np.diff(times) / TAU_S), start=1):
-        found[k] = keep * found[k - 1] + (1.0 - keep) * acts[k - 1]
-    found += NOISE_um * rng.standard_normal(ROWS)
-    said = diagnose_fmu(lag, None, None, [Record(times, volts, found)])
-    assert (said.verdict, [x.id for x in said.added]) == ("named", ["electrostriction"])
-    assert said.gap.after.rms_um < 1.3 * NOISE_um
-
-
-@pytest.mark.slow
 def test_what_cannot_be_diagnosed(
     lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -287,26 +271,6 @@ def test_an_fmu_that_is_not_linear_is_followed_to_what_was_found(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_what_depends_on_the_level_is_named_on_an_fmu_whose_relaxation_bends(tmp_path: Path):
-    """The paper's equation as the FMU; a bench of other code with another equation of what is missing."""
-    pytest.importorskip("fmu_manipulation_toolbox", reason="the container library is not installed")
-    from bender_proving import Bench, cases
-
-    case = next(x for x in cases("singles", [9753]) if x.effect_ids == ("electrostriction",) and x.sensor == "camera")
-    bench = Bench(case)
-    fmu = tmp_path / "paper.fmu"
-    fmu.write_bytes(ready_plant_fmu(load_model("paper")).read_bytes())
-    found = diagnose_fmu(fmu, None, None, [bench.record(bench.excitation(), bench.noise())])
-    assert (found.verdict, [x.id for x in found.added]) == ("named", ["electrostriction"])
-    assert found.stand_in is not None
-    assert (found.stand_in.structure, found.stand_in.is_linear) == ("relaxation", False)
-    assert found.stand_in.difference_um < 1e-6
-    # the square of the voltage is added behind a transducer that bends: it stands on no side of the FMU
-    assert found.stand_in.beside == ("electrostriction",)
-    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
-
-
-@pytest.mark.slow
 def test_what_acts_inside_a_linear_fmu_stands_beside_it(tmp_path: Path):
     fmu = oscillator_fmu(tmp_path / "oscillator.fmu")
     seen = oscillator_record(fmu, stiffness=704.0)
@@ -316,13 +280,3 @@ def test_what_acts_inside_a_linear_fmu_stands_beside_it(tmp_path: Path):
     assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
     assert found.gap.before.rms_um > 5.0 * found.gap.floor_um
     assert any("acts inside the FMU" in x for x in found.stand_in.sentences())
-
-
-@pytest.mark.slow
-def test_steps_of_the_sensor_are_found_although_the_stand_in_is_not_exact(lag: Path):
-    seen = record()
-    step_um = 0.8
-    coarse = Record(seen.time_s, seen.voltage_V, step_um * np.round(seen.displacement_um / step_um))
-    found = diagnose_fmu(lag, None, None, [coarse])
-    assert (found.verdict, [x.id for x in found.added]) == ("named", ["sensor_quantisation"])
-    assert found.added[0].numbers[0].value == pytest.approx(step_um, rel=1e-6)

@@ -71,13 +71,6 @@ def test_one_line_and_no_orphan(kind: str, words: str, capsys: pytest.CaptureFix
 
 
 @pytest.mark.slow
-def test_an_output_that_never_moves(capsys: pytest.CaptureFixture[str]) -> None:
-    foreign_fmu(Path("dead.fmu"), gain=0.0)
-    assert "stays at 0 µm" in refused(2, capsys, "--fmu", "dead.fmu")
-    assert not Path("o").exists()
-
-
-@pytest.mark.slow
 def test_what_was_ranked_before_a_crash_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("fmu_manipulation_toolbox", reason="the container library is not installed")
     # behind a delay the container takes short steps: more of them than all that is driven before the search

@@ -11,7 +11,7 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy import input_hold
 from bender_discrepancy.input_hold import decide_input_hold
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import diagnose, search_records
+from bender_discrepancy.workflow import search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -82,14 +82,6 @@ def test_uneven_rows_have_no_band() -> None:
     drive = Drive(time_s, time_s, volts, linear=True)
     noise_um = NOISE_um * np.random.default_rng(2).standard_normal(time_s.size)
     assert course(Record(time_s, volts, Simulator(drive).run(BEAM).reading_um + noise_um)) == "linear"
-
-
-@pytest.mark.slow
-def test_a_course_that_nobody_told_is_said() -> None:
-    found = diagnose(BEAM, [record_of("beam", voltage_V=QUICK_V, linear=True)], ASKED).to_dict()
-    assert found["verdict"] == "no_gap"
-    assert found["settings"]["input_hold"] != "hold"
-    assert any("--input-hold" in x for x in found["warnings"])
 
 
 @pytest.mark.slow

@@ -136,18 +136,6 @@ def test_lost_and_outlying_readings_change_little(camera: Record):
 
 
 @pytest.mark.slow
-def test_uneven_steps_change_little():
-    rng = np.random.default_rng(8)
-    time_s = np.cumsum(rng.uniform(0.01, 0.12, 1200))
-    volts = rng.uniform(0.0, 50.0, 240).repeat(5)
-    reading = Simulator(Drive.of_rows(time_s, volts)).run(load_model("paper")).reading_um
-    noisy = Record(time_s, volts, reading + NOISE_um * rng.standard_normal(time_s.size))
-    found = lead_from(unexplained(noisy, pushed(time_s, volts)))
-    assert found is not None
-    assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
-
-
-@pytest.mark.slow
 def test_products_with_what_is_left_are_recovered(camera: Record):
     found = lead_from(unexplained(camera, slower_when_low(camera.time_s, camera.voltage_V)))
     assert found is not None

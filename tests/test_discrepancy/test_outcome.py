@@ -18,9 +18,9 @@ from bender_discrepancy.conclusion.findings import Findings, find, span_of
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap, straight_beyond
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.measurement.playable import playable
-from bender_discrepancy.conclusion.notes import more_than_noise, warnings
+from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.conclusion.numbers import number
-from bender_discrepancy.conclusion.sentences import evidence, gap_sentence
+from bender_discrepancy.conclusion.sentences import evidence
 from bender_discrepancy.diagnosis import DIAGNOSIS, FILES, Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.design import Experiment
@@ -215,23 +215,6 @@ def test_beside_an_effect_steps_that_outweigh_the_rest_are_simulated_and_alone_o
     assert [x.id for x in findings.simulated] == ([x.id for x in findings.added] if lag_s else [])
     assert ("sensor_quantisation" in {x.id for x in findings.model.blocks}) is bool(lag_s)
     assert ("the corrected model is not rounded" in evidence(findings, findings.added[-1])) is not bool(lag_s)
-
-
-@pytest.mark.slow
-def test_steps_that_leave_as_much_as_the_noise_are_named_and_no_model_is_made_worse_with_them(tmp_path: Path):
-    record = record_of()
-    shaken = record.displacement_um + 0.3 * np.random.default_rng(4).standard_normal(len(record))
-    coarse = Record(record.time_s, record.voltage_V, np.round(shaken))
-    findings = find(told([coarse], word="no_gap", sensor_step_um=1.0))
-    assert findings.verdict == "named"
-    assert findings.model is findings.search.base
-    result, measured = worked_out(findings, tmp_path)
-    assert result["sentence"] == "Missing from the model: steps of the sensor."
-    assert measured.after.rms_um == pytest.approx(measured.before.rms_um, rel=1e-6)
-    assert "0.289 µm of it are the steps" in gap_sentence(findings, measured)
-    assert not more_than_noise(findings, measured)
-    # the noise adds to the steps
-    assert result["gap"]["noise_floor_um"] == pytest.approx(np.hypot(0.3, 1.0 / np.sqrt(12.0)), rel=0.15)
 
 
 def test_steps_that_the_noise_hides_are_said_and_not_simulated():

@@ -124,17 +124,6 @@ def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monk
     assert ("rpm" in loop.wide) is (units[1] == "rpm")
 
 
-@pytest.mark.slow
-def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(THREADS, "2")
-    with ChartProcess() as other:
-        other.begin()
-        assert other._child is not None
-        other._child.kill()
-        other._child.wait()
-        assert set(charts_of(pictured(), other)) == set(CHARTS)
-
-
 def test_one_core_draws_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(THREADS, "1")
     with ChartProcess() as other:

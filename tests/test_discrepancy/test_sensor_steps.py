@@ -50,18 +50,6 @@ def test_no_step_of_the_supply_nearby_is_better(step_V: float):
         assert float(left @ left) > 0.98 * start.square
 
 
-@pytest.mark.slow
-def test_steps_of_a_sensor_show_although_a_hum_moves_every_reading():
-    hum = {"sine_um": 5.0, "cosine_um": 1.0, "frequency_Hz": 5.3}
-    record = record_of(effects={"periodic_disturbance": hum})
-    coarse = Record(record.time_s, record.voltage_V, 1.5 * np.round(record.displacement_um / 1.5))
-    found = find(search_records(PAPER, [coarse]))
-    assert found.verdict == "named"
-    assert {x.id for x in found.added} == {"periodic_disturbance", "sensor_quantisation"}
-    step = next(x for x in found.added if x.id == "sensor_quantisation").numbers[0]
-    assert step.value == pytest.approx(1.5, rel=1e-6)
-
-
 def looped(step_um: float, seed: int = 5, rows: int = 900, row_s: float = 1.0 / 30.0) -> Record:
     """A loop whose controller follows every step of its sensor, so that neither command nor tip ever stands."""
     plant, noise = Plant(BENCH), NOISE_um * np.random.default_rng(seed).standard_normal(rows)

@@ -117,17 +117,6 @@ def test_a_delay_of_one_output_is_not_put_on_the_input(arm: Path, tmp_path: Path
     assert (out / "tip" / "model.fmu").exists()
 
 
-@pytest.mark.slow
-def test_a_further_input_follows_its_column(arm: Path, tmp_path: Path) -> None:
-    record, out = write(tmp_path / "record.csv", (LATE, LATE), load_N=1.0), tmp_path / "out"
-    words = ["diagnose", str(record), "--fmu", str(arm), *TWO[:2], "--output", "tip=tip"]
-    assert main([*words, "--further-input", "load", "--out", str(out)]) == 0
-    found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
-    assert (found["verdict"], [x["id"] for x in found["effects"]]) == ("named", ["transport_delay"])
-    assert found["foreign_model"]["further_inputs"] == ["load"]
-    assert found["gap"]["after"]["rms_um"] == pytest.approx(1e3 * TIP_NOISE_mm, rel=0.15)
-
-
 @pytest.mark.parametrize("moved_s", [0.0, 5.0])
 def test_a_further_input_acts_from_its_row_on(arm: Path, tmp_path: Path, moved_s: float) -> None:
     path = write(tmp_path / "record.csv", (0, 0), load_N=1.0, seed=3)

@@ -19,7 +19,6 @@ from bender_discrepancy.witnesses.read_back import read_back as counted_rows
 from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_discrepancy.workflow import diagnose
 from bender_loop.records.record import Record
-from bender_proving import Bench, make_case
 from bender_proving.cases.witnessed import SITUATIONS, witnessed_case
 
 RATE_HZ, FINE = 30.0, 100
@@ -153,18 +152,6 @@ def test_a_temperature_that_stays_excludes_drift_in_all_records_or_in_none():
     assert numbers(witness_bounds([still, one]), "thermal_drift", "amplitude_um") is not None
 
 
-@pytest.mark.slow
-def test_a_name_that_the_temperature_contradicts_is_not_tried_and_the_report_says_so():
-    case = next(x for k in range(30) if (x := make_case("weak", ("sensor_lag",), k)).weak and x.weak.pattern == "step")
-    bench = Bench(case)
-    one = bench.record(bench.excitation(), bench.noise())
-    found = diagnose(read_model("paper"), [replace(one, temperature_C=np.full(len(one), 20.0))])
-    assert "thermal_drift" not in {x.id for x in found.effects}
-    said = [x for x in found.to_dict()["warnings"] if x.startswith("witness: ")]
-    assert said == ["witness: the temperature stays, which excludes thermal_drift"]
-    assert "the temperature stays" in found.report()
-
-
 @pytest.mark.parametrize("number", few(range(6), 0, 1))
 def test_a_read_back_shows_which_effect_of_the_supply_is_there(number):
     case = witnessed_case(number, 2)
@@ -249,14 +236,6 @@ def test_a_noisy_meter_beside_many_changes_shows_nothing_that_is_not_there():
     counted = counted_rows(one)
     assert counted is not None
     assert counted.noise_V == pytest.approx(0.2, rel=0.1)
-
-
-@pytest.mark.slow
-def test_what_the_terminals_show_is_not_weighed_again_at_the_electrodes():
-    one = record(slewing(200.0), 5)
-    told = witness_bounds([replace(one, electrode_voltage_V=one.supply_voltage_V)])
-    assert set(told.shown) == {"slew_limit"}
-    assert len(told.sentences) == 1
 
 
 @pytest.mark.slow

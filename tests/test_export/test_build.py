@@ -170,15 +170,6 @@ def test_it_writes_both_fmus_and_their_loop(
         assert loop.read("resources/PiezoBender.fmu") == plant_fmu.read_bytes()
 
 
-@pytest.mark.slow
-def test_another_model_goes_to_another_place(script: ModuleType, tmp_path: Path, beam_fmu: Path) -> None:
-    out = tmp_path / "new" / "mine.fmu"
-    assert script.main(["--model", "beam", "--out", str(out)]) == 0
-    assert guid_of(out) == guid_of(beam_fmu)
-    assert out.with_suffix(".ssp").is_file()
-    assert [path.name for path in (tmp_path / "checkout" / "fmu").iterdir()] == ["PidController.fmu"]
-
-
 @pytest.mark.parametrize(
     ("model", "out", "words"),
     [
@@ -207,13 +198,6 @@ def test_bad_input_is_one_line_and_writes_nothing(
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_bad_usage_is_one_line(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        script.main(["--no-such-option"])
-    assert left.value.code == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 def test_exit_status_reaches_the_shell() -> None:
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--model", "no_such_model"], capture_output=True, text=True, check=False
@@ -228,20 +212,6 @@ def test_a_checkout_that_cannot_be_written_gets_its_controller_beside_the_plant(
     (tmp_path / "checkout").write_text("no folder", encoding="utf-8")
     assert script.main(["--model", "beam", "--out", str(tmp_path / "new" / "mine.fmu")]) == 0
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["PidController.fmu", "mine.fmu", "mine.ssp"]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="pipes report their reader's end otherwise there")
-def test_a_reader_that_leaves_is_no_traceback(tmp_path: Path) -> None:
-    command = [sys.executable, str(SCRIPT), "--model", "beam", "--out", str(tmp_path / "mine.fmu")]
-    reading, writing = os.pipe()
-    os.close(reading)
-    try:
-        done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=120)
-    finally:
-        os.close(writing)
-    assert (done.returncode, done.stderr) == (141, "")
-    assert (tmp_path / "mine.fmu").is_file()
 
 
 ORIGIN = Origin(("monday.csv", "tuesday.csv"), ("gain: 0.95 ± 0.01 (95 %)",), "W", "K", report="report.html")
@@ -288,11 +258,6 @@ def test_an_fmu_is_called_as_the_device(oven: Model) -> None:
     for said in ("<h1>oven 3</h1>", "monday.csv", "0 to 400 W over 3600 s", "0.95 ± 0.01", 'href="report.html"'):
         assert said in text
     assert ("Units", ("1 V of the command stands for 1 W", "1 um of the reading stands for 1 K")) in facts_of(oven)
-
-
-def test_what_was_not_learned_says_nothing_of_records() -> None:
-    page = plant_parts(load_model("paper"), "{0}")[1].decode()
-    assert "Where it comes from" not in page
 
 
 def test_the_report_beside_the_model_file_goes_into_the_fmu(oven: Model, tmp_path: Path) -> None:

@@ -98,28 +98,3 @@ def test_it_runs_and_ends_with_status_0_ten_times_out_of_ten(
         assert (done.returncode, done.stderr) == (0, "")
         found = [float(line) for line in done.stdout.splitlines()]
         assert found == pytest.approx(expected_m(model), abs=1e-12)
-
-
-def test_the_home_has_no_packages(bare_python: Path) -> None:
-    code = (
-        "import sys, importlib.util as u; print([n for n in ('numpy', 'pythonfmu', 'bender_plant') if u.find_spec(n)])"
-    )
-    done = subprocess.run(
-        [sys._base_executable, "-c", code],  # pyright: ignore[reportAttributeAccessIssue] -- not the one of a venv
-        env={"PYTHONHOME": str(bare_python), "PATH": os.defpath}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.stdout == "[]\n", done.stderr
-
-
-def test_without_the_library_of_python_the_message_is_the_one_of_the_troubleshooting_table(
-    host: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "plant.fmu").write_bytes(plant_fmu(load_model("paper")))
-    with zipfile.ZipFile(tmp_path / "plant.fmu") as archive:
-        archive.extractall(tmp_path / "unpacked")
-    library = tmp_path / "unpacked" / "binaries" / fmpy.platform / "PiezoBender.so"
-    done = subprocess.run(
-        [str(host), str(library), "-", "-", "1", "0.01", "1"], env={}, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 3
-    assert "undefined symbol: _Py" in done.stderr or "undefined symbol: Py" in done.stderr

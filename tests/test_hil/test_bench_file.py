@@ -342,33 +342,12 @@ def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, monkeypatch, c
     assert list(tmp_path.iterdir()) == []
 
 
-def test_missing_opencv_names_what_to_install(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "cv2", None)
-    picture = tmp_path / "ruler.png"
-    picture.write_bytes(b"x")
-    assert main(["calibrate", str(picture)]) == 2
-    assert "pip install opencv-python-headless" in capsys.readouterr().err
-
-
 def test_command_calibrates_the_emulated_microscope(tmp_path: Path):
     out = tmp_path / "calibration.toml"
     assert main(["calibrate", "--emulated", "--out", str(out)]) == 0
     found = Calibration.load(out)
     assert found.um_per_px == pytest.approx(1.5, rel=5e-4)
     assert (found.width_px, found.height_px) == (640, 480)
-
-
-@pytest.mark.slow
-def test_a_calibration_that_is_there_is_replaced_with_force_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.chdir(tmp_path)
-    Path("calibration.toml").write_text("mine", encoding="utf-8")
-    assert main(["calibrate", "--emulated"]) == 2
-    assert "calibration.toml: found a file there" in capsys.readouterr().err
-    assert [(x.name, x.read_text(encoding="utf-8")) for x in tmp_path.iterdir()] == [("calibration.toml", "mine")]
-    assert main(["calibrate", "--emulated", "--force"]) == 0
-    assert Calibration.load(Path("calibration.toml")).um_per_px == pytest.approx(1.5, rel=5e-4)
 
 
 @pytest.mark.parametrize("kind", [".png", ".jpg", ".bmp"])

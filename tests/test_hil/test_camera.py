@@ -15,7 +15,7 @@ from bender_emulator.microscope import FrameServer, Scene, SceneSettings, read_s
 from bender_hil.camera import reader
 from bender_hil.camera.reader import Camera, to_grey
 from bender_hil.camera.settings import CameraSettings
-from bender_hil.camera.source import DEVICE, FILE, STREAM, Opened, kind_of, open_source, parse_source
+from bender_hil.camera.source import Opened, open_source
 from bender_loop.errors import InputError
 
 cv2 = pytest.importorskip("cv2", reason="needs the extra bench")
@@ -228,13 +228,6 @@ def test_grey_is_luminance():
     assert np.array_equal(to_grey(grey[:, :, None]), grey)
     assert np.array_equal(to_grey(np.repeat(grey[:, :, None], 3, axis=2)), grey)
     assert to_grey(np.full((1, 1, 3), (0, 255, 0), np.uint8))[0, 0] == 150
-
-
-def test_kinds_of_source():
-    assert [kind_of(one) for one in (0, "0", "/dev/video2", "tcp://127.0.0.1:5", "clip.mp4")] == [
-        DEVICE, DEVICE, DEVICE, STREAM, FILE,
-    ]  # fmt: skip
-    assert (parse_source("3"), parse_source("a3")) == (3, "a3")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_hil.bench_file import BenchFile, CameraTable
+from bender_hil.bench_file import BenchFile
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.summary import summarise
 from bender_hil.sensors.daq_input import DaqInputSettings
@@ -148,7 +148,3 @@ def test_the_deadline_of_a_sensor_is_a_period_after_half_of_what_it_averages(
 ):
     assert table.averaged_s == averaged_s
     assert BenchFile(sensor=table).deadline_s == pytest.approx(1.0 / table.rate_Hz + 0.5 * (averaged_s or 0.0))
-
-
-def test_the_deadline_of_a_camera_is_its_period():
-    assert BenchFile(camera=CameraTable(frames_per_s=50.0, exposure_s=0.01)).deadline_s == pytest.approx(0.02)

@@ -147,15 +147,6 @@ def test_a_model_that_is_given_may_have_another_lag():
 
 
 @pytest.mark.slow
-def test_cases_of_one_seed_share_neither_excitation_nor_noise():
-    benches = [Bench(make_case("single", (name,), 6, "vibrometer")) for name in ("sensor_lag", "tip_mass")]
-    first, second = (bench.excitation().voltage_V for bench in benches)
-    assert not np.array_equal(first, second)
-    assert benches[0].noise().random() != benches[1].noise().random()
-    assert make_case("pair", ("tip_mass", "sensor_lag"), 1) == make_case("pair", ("sensor_lag", "tip_mass"), 1)
-
-
-@pytest.mark.slow
 def test_a_model_that_is_given_may_be_a_little_wrong():
     found = list(cases("approximate", (3,)))
     assert {x.effect_ids[0] for x in found} == set(INSIDE) - {"tip_mass", "structural_damping"}

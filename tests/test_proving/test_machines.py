@@ -42,10 +42,3 @@ def test_no_machine_answers_twice_the_input_with_twice_the_reading(kind: int):
     )  # fmt: skip
     extent = float(np.ptp(large - rest))
     assert np.max(np.abs((large - rest) - 2.0 * (small - rest))) > 0.005 * extent
-
-
-def test_a_record_is_written_as_it_is(tmp_path):
-    one = draw(3)
-    one.write(tmp_path / "valve.csv", 1)
-    table = np.loadtxt(tmp_path / "valve.csv", delimiter=",", skiprows=1)
-    assert table[:, 2].tobytes() == one.reading[1].tobytes()
