@@ -23,8 +23,8 @@ from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
 from bender_discrepancy.records.initial_motion import moving, standing_before, started
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
-from bender_discrepancy.settings import Beginning, Settings
-from bender_discrepancy.workflow import _begun, search_records
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import search_records
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
@@ -53,14 +53,6 @@ def switched_on_late(voltage_V: np.ndarray, first_s: float) -> Record:
     noise_um = NOISE_um * np.random.default_rng(5).standard_normal(int(read.sum()))
     reading_um = Simulator(Drive.of_rows(time_s, voltage_V)).run(PAPER).reading_um[read]
     return Record(time_s[read], voltage_V[read], reading_um + noise_um)
-
-
-@pytest.mark.parametrize(("how", "start"), [("motion", "motion"), ("rest", "rest"), ("auto", "rest")])
-def test_a_start_that_is_told_holds_for_a_record_that_begins_at_nought(how: Beginning, start: str) -> None:
-    volts = np.concatenate([np.zeros(30), levels(8.0)])
-    seen = observe(record_of("beam", voltage_V=volts))
-    begun = _begun(load_model("beam"), record_of("beam", voltage_V=volts), seen, Settings(start=how))
-    assert (begun.start == "rest") == (start == "rest")
 
 
 @given(st.floats(1.0, 500.0), st.floats(1e-3, 0.2), st.integers(50, 400))

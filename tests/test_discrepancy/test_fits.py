@@ -2,8 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,7 +16,7 @@ from bender_discrepancy.fitting import output_error, starts
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.level_cell import Cell, cell_of, cell_V, centred, is_undetermined
-from bender_discrepancy.fitting.output_error import WORTH, Fitted, _is_structure, fit, judge
+from bender_discrepancy.fitting.output_error import WORTH, Fitted, fit, judge
 from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.scans.jumps import FINER_AND_FINER, middle_of_equal_fits, minimise_in_jumps
 from bender_discrepancy.fitting.standing import Standing, standing
@@ -47,18 +45,6 @@ def test_the_end_of_a_fit_is_no_worse_and_hardly_better() -> None:
     assert soon is not None
     assert late is not None
     assert (1.0 - 4.0 * WORTH) * soon.training_square <= late.training_square <= soon.training_square
-
-
-@given(st.integers(0, 1000), st.floats(0.0, 0.95))
-def test_structure_is_what_goes_from_one_row_to_the_next(seed: int, memory: float) -> None:
-    """A residual whose rows depend on each other by a factor: half of its square goes on from one half."""
-    rng = np.random.default_rng(seed)
-    problem = cast("Any", SimpleNamespace(observations=[SimpleNamespace(training=np.ones(4000, bool))]))
-    residual = np.zeros(4000)
-    for k in range(1, 4000):
-        residual[k] = memory * residual[k - 1] + rng.standard_normal()
-    if abs(memory - 0.5) > 0.1:
-        assert _is_structure(problem, residual) is (memory > 0.5)
 
 
 BOTH = {"source_resistance": {"time_constant_s": 0.08}, "electrostriction": {"coefficient_um_per_V2": 0.001}}

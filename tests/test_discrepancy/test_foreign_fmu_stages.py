@@ -1,7 +1,6 @@
 """Around anybody's FMU: what stands in for it, what is put before and behind it, how it is followed."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,9 +16,7 @@ from bender_discrepancy.foreign import corrected_fmu
 from bender_discrepancy.foreign.container_stages import Original, stages_around
 from bender_discrepancy.foreign.relaxation_model import fit_relaxation
 from bender_discrepancy.foreign.space_mapping import extrapolate_values
-from bender_discrepancy.foreign.surrogate import _of_real_delays
 from bender_discrepancy.records.observations import observe
-from bender_identify.first_model.structures import Structure
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record
 from bender_plant.blocks import BLOCKS, bending_modes, learned_hysteresis
@@ -166,23 +163,6 @@ def test_a_relaxation_without_a_mode_gets_none() -> None:
     a, b, c, d, e = coefficients_of(found)
     # w never falls below 0 here: w and |w| act together
     assert (a + d, b, c, e) == pytest.approx((-1.0, 1.5, 0.0, -0.1), abs=2e-3)
-
-
-@pytest.mark.parametrize(("delay_s", "kept"), [(0.05, False), (0.49, False), (0.51, True), (40.0, True)])
-def test_a_delay_of_a_small_part_of_a_row_is_none(delay_s: float, kept: bool) -> None:
-    """An oven read every 5 s: with 0.05 s in its stand-in, a missing delay of 40 s could not be added any more."""
-    time_s = 5.0 * np.arange(10.0)
-    slow, fine = (Record(x, np.ones(10), np.zeros(10)) for x in (time_s, time_s / 256.0))
-    fit = SimpleNamespace(structure=Structure(lags=1, delay=True), values=(300.0, delay_s))
-    structure, values = _of_real_delays(fit, [(slow, time_s), (fine, time_s)])  # type: ignore[arg-type]
-    assert (structure.delay, len(values)) == (kept, 1 + kept)
-    assert values[0] == 300.0
-
-
-def test_what_has_no_delay_stays_as_it_is() -> None:
-    record = Record(np.arange(10.0), np.ones(10), np.zeros(10))
-    fit = SimpleNamespace(structure=Structure(lags=1), values=(0.01,))
-    assert _of_real_delays(fit, [(record, np.zeros(10))]) == (fit.structure, fit.values)  # type: ignore[arg-type]
 
 
 WIDE = Hypothesis((Part(Form("any", "any", (Free("x", -100.0, 100.0, False, (0.0,), 1.0),), lambda m, _: m), (0.0,)),))

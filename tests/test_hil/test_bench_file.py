@@ -151,14 +151,6 @@ def test_a_voltage_that_a_source_cannot_give_says_what_to_do():
         Bounds(50.0, 55.0, 0.01).check(-10.0, 10.0, "the SDG")
 
 
-def test_a_small_step_does_not_ask_for_a_wider_guard():
-    bench = emulated_bench()
-    found = dry_runs._response(bench, (1.48, 0.02), 1.0)
-    travel = next(x for x in found if x.what == "guard.travel_um")
-    assert "in proportion to this small step" in travel.found
-    assert "widen" not in travel.advice
-
-
 cv2 = pytest.importorskip("cv2", reason="needs the extra bench")
 
 HEIGHT, WIDTH = 300, 400

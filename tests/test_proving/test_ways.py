@@ -4,40 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bender_proving import NOISE_UM, Bench, cases, make_case, strength
-from bender_proving.cases import draw
-from bender_proving.cases.draw import LEAST
+from bender_proving import Bench, cases, make_case, strength
 from bender_proving.cases.hidden import Hidden
 from bender_proving.cases.lookalikes import lookalike
 from bender_proving.cases.residual import left_over_um
 from bender_proving.cases.rivals import mimicked_um
 from bender_proving.chain import readings_um
 from bender_proving.records import closed_loop
-from bender_proving.records.excitation import RATE_HZ, Excitation, even
+from bender_proving.records.excitation import Excitation
 from bender_proving.records.moved import moved_um
-
-
-def test_a_stiffer_spring_behind_a_slow_sensor_does_not_show_beside_a_drift():
-    """Its ringing does not pass the sensor: what stays is a gain, and beside a drift a gain and another drift."""
-    stiffer = Hidden("tip_mass", "stiffness", 0.31, (("frequency_ratio", 1.31), ("static_gain", 1.31**-2)))
-    drift = Hidden("thermal_drift", "erf", -5.2, (("change_um", -5.2), ("tau_s", 55.6), ("span_s", 170.0)))
-    poles = ("tau_s", 0.085), ("second_tau_s", 1e-4), ("third_tau_s", 0.0)
-    slow = Hidden("sensor_lag", "small_poles", 0.085, poles)
-    plan = Bench(make_case("nothing", (), 4, "camera")).excitation()
-    floor_um = LEAST * NOISE_UM["camera"]
-    assert draw._shows_beside(stiffer, (stiffer,), plan, floor_um)
-    assert draw._shows_beside(drift, (stiffer, drift, slow), plan, floor_um)
-    assert draw._shows_beside(slow, (stiffer, drift, slow), plan, floor_um)
-    assert not draw._shows_beside(stiffer, (stiffer, drift, slow), plan, floor_um)
-
-
-def test_steps_of_the_sensor_are_noise_to_what_stands_beside_them():
-    coarse = Hidden("sensor_quantisation", "nearest", 0.8, (("step_um", 0.8),))
-    drift = Hidden("thermal_drift", "erf", -1.2, (("change_um", -1.2), ("tau_s", 55.6), ("span_s", 170.0)))
-    plan = Bench(make_case("nothing", (), 4, "camera")).excitation()
-    floor_um = LEAST * NOISE_UM["camera"]
-    assert draw._shows_beside(drift, (drift,), plan, floor_um)
-    assert not draw._shows_beside(drift, (drift, coarse), plan, floor_um)
 
 
 @pytest.mark.parametrize("moved", [0.05, 0.2])
@@ -124,38 +99,6 @@ def test_a_loop_whose_spring_gives_way_is_no_case(monkeypatch: pytest.MonkeyPatc
     case = replace(make_case("nothing", (), 4, "camera", closed_loop=True), **drawn)
     assert np.isnan(Bench(case).clean(Bench(case).excitation())).any()
     assert strength(case) == 0.0
-
-
-@pytest.mark.parametrize("wrong", [0.0, 0.5, 3.0])
-def test_commands_agree_with_the_readings_whatever_is_foretold(wrong, monkeypatch):
-    """A plant that remembers: what is foretold of it only decides how soon commands and readings agree."""
-    monkeypatch.setattr(closed_loop, "ROWS", 120)
-    monkeypatch.setattr(closed_loop, "_STRETCH", 50)
-    target = np.linspace(1.0, 12.0, 120)
-
-    def seen_um(plan):
-        late = np.concatenate([[0.0, 0.0], plan.voltage_V[:-2]])
-        return 0.3 * late + 0.002 * np.cumsum(late)
-
-    answer = wrong * np.array([0.0, 0.302, 0.002])
-    voltage = closed_loop._followed(target, 0.4, 3.0, seen_um, answer)
-    one_by_one = np.zeros(120)
-    for row in range(120):
-        error = target - seen_um(even("camera", one_by_one))
-        one_by_one[row] = closed_loop._commanded(error, one_by_one, np.zeros(1), 0.4, 3.0 / RATE_HZ["camera"])[row]
-    assert np.array_equal(voltage, one_by_one)
-
-
-def test_a_closed_loop_is_causal():
-    """Another reading at the end changes no command before it."""
-    rng = np.random.default_rng
-    target, before, answer = np.linspace(0.0, 10.0, 90), rng(2).uniform(0.0, 50.0, size=90), np.array([0.4, -0.1])
-    one = closed_loop._commanded(target, before, answer, 0.1, 0.2)
-    changed = np.concatenate([target[:60], rng(1).normal(size=30)])
-    other = closed_loop._commanded(changed, np.concatenate([before[:60], np.zeros(30)]), answer, 0.1, 0.2)
-    assert np.array_equal(one[:60], other[:60])
-    assert one.min() >= 0.0
-    assert one.max() <= 50.0
 
 
 def test_selections_take_turns():
