@@ -15,12 +15,11 @@ import numpy as np
 import pytest
 from few import few
 from numba.core.caching import IndexDataCacheFile
-from numba.core.options import DefaultOptions
 from numpy.typing import NDArray
 
-from bender_compiled import background_compilation, kernels, simulation, stored_code
-from bender_compiled.background_compilation import compile_blocks, compile_in_background
-from bender_compiled.kernels import block_run, grid_run, uncut_run
+from bender_compiled import background_compilation, kernels, stored_code
+from bender_compiled.background_compilation import compile_in_background
+from bender_compiled.kernels import block_run, uncut_run
 from bender_compiled.parallel_map import THREADS
 from bender_compiled.simulation import Drive, Simulator, constants_of, initial_of
 from bender_compiled.stored_code import StoredCode
@@ -49,22 +48,6 @@ def test_a_kernel_that_needs_memory_gives_what_it_gives_uncompiled(monkeypatch: 
     assert np.allclose(through_list, 1.7 * Simulator(Drive.of_rows(TIME, VOLTAGE)).run(gain).reading_um, rtol=1e-12)
 
 
-@pytest.mark.slow
-def test_without_the_private_option_of_numba_kernels_give_the_same(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    model = PAPER.with_block("rate_independent_hysteresis", thresholds_V=(1.0, 3.0), weights_um_per_V=(0.1, 0.2))
-    borrowed = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model).reading_um
-    monkeypatch.delattr(DefaultOptions, "_nrt")
-    monkeypatch.setattr(kernels, "kernels_folder", lambda: tmp_path)
-    monkeypatch.setattr(kernels, "_HEAD", kernels._HEAD + "# another text is another module\n")
-    monkeypatch.setattr(simulation, "block_run", block_run.__wrapped__)
-    counted = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model).reading_um
-    module = next(x for x in sys.modules if x.startswith("bender_kernel_") and _was_made_in(x, tmp_path))
-    assert sys.modules[module].BORROWING == {}
-    assert np.array_equal(counted, borrowed)
-
-
 NOWHERE = """
 import sys
 from pathlib import Path
@@ -88,24 +71,6 @@ def test_where_the_cache_cannot_be_written_code_lasts_as_long_as_the_process(tmp
     assert folder.name.startswith("bender-kernels-")
     assert not folder.exists()
     assert in_the_way.read_text(encoding="utf-8") == ""
-
-
-def test_a_module_that_could_not_be_written_leaves_no_part_of_itself(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(path: Path, *_: object, **__: object) -> None:
-        path.touch()
-        raise OSError(errno.ENOSPC, "no space left on device")
-
-    monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(OSError, match="no space"):
-        kernels._written(tmp_path / "module.py", "text")
-    assert list(tmp_path.iterdir()) == []
-
-
-def _was_made_in(name: str, folder: Path) -> bool:
-    made = sys.modules[name].__file__
-    return made is not None and Path(made).parent == folder
 
 
 @pytest.mark.parametrize(
@@ -220,27 +185,7 @@ def test_what_cannot_be_written_is_compiled_all_the_same(
     assert compiled()(1.5) == 3.0
 
 
-def test_the_cutting_into_sub_steps_is_stored() -> None:
-    numbers = np.array([0.0, 0.1]), np.array([0.0]), np.array([1.0]), np.array([0.0])
-    count, begin, *_ = grid_run()(*numbers, 10.0, 0.01, 0.05, 2.0, 0.0, 1e9, 1e9, 99)
-    assert count > 0
-    assert begin[0] == 0.0
-    assert type(getattr(grid_run(), "_cache", None)) is StoredCode
-
-
 LAGGED = PAPER.with_block("sensor_lag", time_constant_s=0.01)
-LIMITED = PAPER.with_block("slew_limit", slew_rate_V_per_s=100.0)
-HEAVIER = PAPER.with_block("tip_mass", frequency_ratio=0.9)
-
-
-def test_what_the_first_model_lacks_is_compiled_from_the_last_one_on() -> None:
-    assert compile_blocks([PAPER, LAGGED, HEAVIER, LIMITED, LAGGED]) == ["sensor_lag", "slew_limit"]
-    assert compile_blocks([LAGGED, LAGGED]) == []
-
-
-def test_modes_with_a_load_are_compiled_beside_those_without() -> None:
-    rubbing = PAPER.with_block("coulomb_friction", level_um=0.1)
-    assert compile_blocks([PAPER, rubbing, LAGGED]) == ["sensor_lag", "bending_modes"]
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """The compiled chain equals the plain kernel on every block and effect, whatever the drive and between the rows."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,6 @@ from bender_export.build import build_plant_fmu
 from bender_loop.records.between_rows import course, exposed, followed
 from bender_plant.blocks import BLOCKS, Block
 from bender_plant.composite_beam import CompositeBeam
-from bender_plant.kernels.vibration_mode import STIFFNESS_LEVELS, nearest_level
 from bender_plant.model import BlockSettings, Model, ModelError, load_model
 from bender_plant.plant import Plant, effective_settings
 
@@ -391,12 +389,6 @@ def test_an_fmu_reads_what_the_simulation_reads(hold: str, tmp_path):
     assert read.readings(readings) == pytest.approx(Simulator(drive).run(model).reading_um, abs=2e-3)
 
 
-def test_the_mean_of_a_parabola_is_exact():
-    read = exposed(np.array([1.0, 2.0]), 0.5, (np.array([1.1]),))
-    mean = read.readings(read.instants_s**2)
-    assert mean == pytest.approx(np.array([1.0, 4.0]) + 0.25 / 12.0, abs=1e-12)
-
-
 @given(st.floats(0.01, 5.0), st.floats(0.0, 6.3))
 def test_the_mean_of_a_ringing_is_that_of_the_integral(periods: float, phase: float):
     # ratios of damping of half a percent are read off swings that an exposure of 15 ms takes nearly all of
@@ -489,18 +481,6 @@ def test_any_other_load_takes_the_run_of_any_modes() -> None:
     assert spring_alone(modes_of(PAPER)) == (0.0, 0.0, 0.0)
     stiff = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
     assert spring_alone(modes_of(stiff)) == (1e-4, 0.0, 0.0)
-
-
-@given(st.floats(0.1, 1e6))
-def test_the_stiffness_of_a_sub_step_is_one_of_few(stiffness: float) -> None:
-    level = nearest_level(stiffness)
-    assert abs(level - stiffness) <= max(0.5 / STIFFNESS_LEVELS, 1e-9 * stiffness)
-    assert level * STIFFNESS_LEVELS == round(level * STIFFNESS_LEVELS) >= 1
-
-
-@pytest.mark.parametrize("stiffness", [math.inf, math.nan, 2e9])
-def test_a_stiffness_that_runs_away_is_left_as_it_is(stiffness: float) -> None:
-    assert nearest_level(stiffness) == pytest.approx(stiffness, nan_ok=True)
 
 
 @pytest.mark.parametrize(("cubic", "bend"), [(1e-3, 0.0), (3e-3, 1e-2), (5e-4, -5e-3)])

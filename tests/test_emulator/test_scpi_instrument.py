@@ -13,7 +13,6 @@ from bender_emulator.conversation import Conversation, Hangup
 from bender_emulator.faults import Faults
 from bender_emulator.generator import GeneratorInstrument
 from bender_emulator.instrument import Instrument
-from bender_emulator.scpi_header import header_pattern
 from bender_emulator.sensors.settings import KINDS
 from bender_emulator.terminals import TerminalSettings, step
 from bender_hil.sensors.meter_dialect import METERS
@@ -157,11 +156,6 @@ def test_faults_spoil_answers_and_wear_off(instrument: Instrument):
 def test_a_fault_that_is_none_is_refused():
     with pytest.raises(ValueError, match="no fault 'nonsense'"):
         Faults().with_fault("nonsense", 1)
-
-
-def test_headers_are_cached_patterns():
-    assert header_pattern("OUTPut[:STATe]").fullmatch("outp:stat")
-    assert not header_pattern("OUTPut[:STATe]").fullmatch("outp:sta")
 
 
 def test_a_level_holds_from_when_it_was_set():

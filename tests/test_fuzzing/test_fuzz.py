@@ -1,6 +1,5 @@
 """Inputs that nobody would send on purpose: a slice of them, and that a fault would be noticed."""
 
-import multiprocessing
 import os
 import random
 import shutil
@@ -8,19 +7,17 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from few import few_rows
 from fuzzing.apart import complaints_of
 from fuzzing.calls import CallFuzzer, call_cases
 from fuzzing.commands import command_cases
 from fuzzing.hostile_campaign import BAD_INPUT, try_inputs
 from fuzzing.hostile_commands import HARDWARE_RUN, SIMULATE, sound_files
-from fuzzing.hostile_words import Sound, made_case
-from fuzzing.mutations import mutated
+from fuzzing.hostile_words import Sound
 from fuzzing.strange_tables import EVERY, table_case
 from fuzzing.table_reading import read_case, table_cases
 from pythonfmu.builder import FmuBuilder
 
-from bender_cli.main import COMMANDS, main
+from bender_cli.main import main
 from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
 
 FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
@@ -57,19 +54,6 @@ def test_a_silent_nan_is_a_complaint(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_mutations_change_something_and_can_be_had_again():
-    data = ensure_plant_fmu("paper").read_bytes()
-    names, same = set(), 0
-    for k in range(120):
-        damaged, name = mutated(data, random.Random(k))
-        assert (damaged, name) == mutated(data, random.Random(k))
-        same += damaged == data
-        names.add(name)
-    assert len(names) >= 10
-    assert same < 12
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="forks off a process that has the libraries loaded")
 def test_a_slice_of_the_bad_inputs_is_refused_or_right():
     told: list[int] = []
@@ -80,50 +64,6 @@ def test_a_slice_of_the_bad_inputs_is_refused_or_right():
     assert tally.complaints == []
     assert told[-1] == tally.tried == 30
     assert tally.statuses[str(BAD_INPUT)] >= 15
-
-
-@pytest.mark.filterwarnings("ignore:This process")
-@pytest.mark.skipif(os.name == "nt", reason="patches a process that is forked off")
-@pytest.mark.parametrize(
-    ("does", "where"),
-    few_rows(
-        [
-            ("raise ZeroDivisionError", "faults"),
-            ("__import__('os').abort()", "faults"),
-            ("__import__('time').sleep(60)", "hangs"),
-            ("print('{\"a\": NaN}')", "noise"),
-            ("print('driving the FMU')", "noise"),
-            ("(open('scrap', 'w').close(), print('no', file=__import__('sys').stderr), exit(2))", "left"),
-        ],
-        0,
-        3,
-        5,
-    ),
-)
-def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeypatch: pytest.MonkeyPatch):
-    # a command of the test's own: `bender --version` in a process that runs `does` instead
-    monkeypatch.setattr("fuzzing.hostile_campaign._HEAVY", ())
-    monkeypatch.setattr("fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
-    monkeypatch.setattr("fuzzing.hostile_campaign.made_case", lambda *_: (["--version", "--json"], "nothing"))
-    monkeypatch.setattr("bender_cli.main.main", lambda _: eval(does) if "(" in does else 1 // 0)
-    tally = try_inputs(ensure_plant_fmu("paper"), 1, 1, 1, lambda *_: None, seconds=2.0)
-    assert len(tally.complaints) == 1
-    assert len(getattr(tally, where)) == 1
-
-
-@pytest.mark.slow
-def test_every_command_and_every_kind_of_file_has_its_share(tmp_path: Path):
-    sound = Sound(ensure_plant_fmu("paper").read_bytes())
-    commands, wrong = set(), set()
-    for k in range(600):
-        folder = tmp_path / str(k)
-        folder.mkdir()
-        words, what = made_case(k, folder, random.Random(f"1 input {k}"), sound)
-        commands.add(words[0])
-        wrong.add(what.partition(":")[0])
-    assert set(COMMANDS) <= commands
-    assert {"record", "model", "gains", "fmu", "--bench", "--profile", "log", "words"} <= wrong
-    assert {"run", "manifest", "name", "points", "picture", "training", "profile", "hardware"} <= wrong
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from bender_compiled.simulation import Drive, Simulator
 from bender_identify.fitting.candidate import Candidate, scores
 from bender_identify.fitting.correlation import correlation_rows
-from bender_identify.fitting.output_error import information
 from bender_identify.fitting.repeating import repeating_factor
 from bender_identify.fitting.resimulation import with_transducer
 from bender_identify.identification import identify
@@ -28,7 +27,6 @@ from bender_identify.paper.simulated_bouc_wen import (
     learn_bouc_wen,
     nothing_else,
     one_tone,
-    squared_percent,
     three_tones,
     truth,
     two_tones,
@@ -39,7 +37,7 @@ from bender_identify.records.voltage_path import even_times
 from bender_identify.regression.equation_search import equation_of
 from bender_identify.regression.rates import conditioning, regression_of
 from bender_identify.regression.sparse_fit import ensemble_of, least_squares, likely, supports
-from bender_identify.regression.terms import equation, evaluated, library, scale_of, unit_of
+from bender_identify.regression.terms import evaluated, library, scale_of, unit_of
 from bender_identify.settings import LIBRARIES, Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
@@ -162,11 +160,6 @@ def test_a_scaled_coefficient_is_one_where_the_term_alone_makes_the_rate(w: floa
         assert scale_of(term, w, u, t) * size == pytest.approx(w / t)
 
 
-def test_an_equation_is_one_readable_line() -> None:
-    line = equation(("w", "u'", "w |w|"), (-0.48, 0.818, -0.124))
-    assert line == "w' = -0.48 w + 0.818 u' - 0.124 w |w|"
-
-
 PLAYED_s = even_times(0.05, 800)
 PLAYED_V = 25.0 * (1.0 - np.cos(0.9 * PLAYED_s)) * (0.3 + 0.7 * np.sin(0.11 * PLAYED_s) ** 2)
 BASE = nothing_else()
@@ -284,16 +277,6 @@ def test_one_sine_gives_the_displacement_and_intervals_that_hold_the_truth(from_
     assert not from_sine.written.remanent
 
 
-@pytest.mark.slow
-def test_one_sine_says_that_it_hardly_sees_the_voltage_coefficient(from_sine: Identification) -> None:
-    assert "u" in from_sine.identifiability.weak
-    assert "u'" not in from_sine.identifiability.weak
-    text = " ".join(from_sine.findings)
-    assert "weakly identified" in text
-    assert "one frequency (0.5 Hz) at one amplitude" in text
-    assert "no remanence" in text
-
-
 def test_rivals_stand_beside_with_their_remanence(from_sine: Identification) -> None:
     rows = {row.candidate.id: row for row in from_sine.rows}
     assert set(rows) == {"sindy", "prandtl_ishlinskii", "bouc_wen", "first_order_lag"}
@@ -330,15 +313,6 @@ def test_of_several_records_each_is_left_out_in_turn(held_record: Callable[..., 
     assert kept.held_out_by == "held-out records: 1.csv"
     assert kept.experiments[0].fitted.all()
     assert kept.experiments[1].held_out.all()
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_outcome(held_record: Callable[..., Record]) -> None:
-    volts = np.repeat(np.random.default_rng(5).uniform(0.0, 50.0, 10), 10)
-    experiment = experiment_of(held_record("paper", volts, noise_um=0.05), "a", SETTINGS)
-    one, two = (identify([experiment], PAPER, SETTINGS, np.random.default_rng(6)) for _ in range(2))
-    assert one.written.candidate.equation == two.written.candidate.equation
-    assert one.unseen == two.unseen
 
 
 ROWS_s = even_times(0.05, 600)
@@ -381,12 +355,6 @@ def test_correlated_residuals_count_less(share: float) -> None:
     assert correlation_rows(x) == pytest.approx((1.0 + share) / (1.0 - share), rel=0.25)
 
 
-def test_the_criterion_asks_a_price_for_every_parameter() -> None:
-    assert information(1.0, 1000, 3, 1.0, 0.0) < information(1.0, 1000, 4, 1.0, 0.0)
-    assert information(0.9, 1000, 4, 1.0, 0.0) < information(1.0, 1000, 3, 1.0, 0.0)
-    assert information(1e-30, 1000, 4, 1.0, 1e-6) > information(1e-25, 1000, 3, 1.0, 1e-6)
-
-
 def test_what_comes_back_in_every_cycle_does_not_average_out() -> None:
     time = even_times(1 / 30, 1200)
     volts = 10.0 * np.sin(np.pi * time)
@@ -400,17 +368,6 @@ def test_what_comes_back_in_every_cycle_does_not_average_out() -> None:
     assert 1.5 < half < more
 
 
-def test_without_cycles_nothing_repeats() -> None:
-    experiment = experiment_of(
-        Record(ROWS_s, three_tones(ROWS_s), truth(three_tones, ROWS_s)),
-        "a",
-        Settings(),
-        "linear",
-    )
-    residual = np.cos(experiment.time_s[experiment.fitted])
-    assert repeating_factor([experiment], residual, 1.0) == 1.0
-
-
 def test_the_truth_is_that_of_an_independent_integration() -> None:
     def slope(t: float, w: np.ndarray) -> np.ndarray:
         rate = float(two_tones_rate(np.array([t]))[0])
@@ -419,12 +376,6 @@ def test_the_truth_is_that_of_an_independent_integration() -> None:
     t = np.linspace(0.0, 10.0, 101)
     exact = solve_ivp(slope, (0.0, 10.0), [0.0], "DOP853", t_eval=t, rtol=1e-9, atol=1e-9, max_step=0.01).y[0]
     assert truth(two_tones, t) == pytest.approx(exact, abs=1e-5)
-
-
-def test_the_two_metrics_are_the_square_of_each_other() -> None:
-    truth_um, other_um = np.array([1.0, 2.0, -2.0]), np.array([1.1, 2.0, -2.2])
-    norm = equation_29_percent(truth_um, other_um)
-    assert squared_percent(truth_um, other_um) == pytest.approx(norm**2 / 100.0)
 
 
 def test_the_papers_number_is_the_squared_one() -> None:

@@ -121,13 +121,6 @@ def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset
     assert 0.005 < (image < 200).mean() < 0.5
 
 
-@pytest.mark.slow
-def test_constant_signals_can_be_drawn():
-    flat = np.zeros(5)
-    overlay = Overlay("still", np.arange(5.0), "row", flat, flat, flat)
-    assert draw_overlay(overlay, compare(flat, flat)).startswith(b"\x89PNG")
-
-
 def test_reversals_of_a_triangle_are_its_corners():
     triangle = np.concatenate([np.arange(0, 10), np.arange(10, 0, -1), np.arange(0, 11)]).astype(float)
     assert reversals(triangle).tolist() == [10, 20]

@@ -15,7 +15,6 @@ from bender_loop.fmu.check.description import description_findings
 from bender_loop.fmu.check.explanations import KNOWN, explained_failure
 from bender_loop.fmu.check.findings import Finding
 from bender_loop.fmu.check.standard import (
-    explained,
     fmpy_findings,
     fmutool_findings,
     fmutool_installed,
@@ -134,12 +133,6 @@ def test_other_checkers_are_heard_and_explained(edited):
     if fmutool_installed():
         assert any(finding.what.startswith("fmutool: ") for finding in found)
     assert all(finding.why and finding.remedy for finding in found)
-
-
-def test_what_is_not_known_is_explained_in_general():
-    assert explained("fmpy: something new").why == "the model description breaks a rule of the standard"
-    assert explained_failure("a new message", "why", "remedy").why == "why"
-    assert "interpreter" in explained_failure("undefined symbol: _Py_NoneStruct", "why", "remedy").why
 
 
 def test_the_messages_of_the_page_are_known():

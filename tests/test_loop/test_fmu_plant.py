@@ -213,11 +213,6 @@ def test_closed_loop_through_the_fmu_is_that_of_the_closed_form(lag_fmu, lag):
     np.testing.assert_allclose(trace.voltage_V, oracle.voltage_V, rtol=1e-12)
 
 
-def test_the_path_may_be_text(lag_fmu: Path):
-    with opened(str(lag_fmu)) as plant:
-        assert plant.path == lag_fmu
-
-
 REFERENCE = Path(__file__).parents[3] / "shared" / "data" / "reference-fmus" / "fmi3"
 STEP_S = 0.01
 VOLTS = 25.0 + 20.0 * np.sin(np.arange(60) / 7.0)

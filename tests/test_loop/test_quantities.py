@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from foreign_fmus import foreign_fmu, needs_compiler
 
-from bender_cli.main import main
 from bender_loop.errors import InputError
 from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, diagnosed
 from bender_loop.fmu.plant import FmuPlant
@@ -110,26 +109,6 @@ def test_an_fmu_is_brought_to_the_unit_of_the_record(unit: str, gain: float, tmp
         assert plant.step(1.0, 10.0) == pytest.approx(2e-6 / 0.0254, rel=1e-9)
     with pytest.raises(InputError, match="another quantity"):
         FmuPlant(fmu, quantities=Quantities("V", "bar"))
-
-
-@pytest.mark.slow
-@needs_compiler
-def test_compare_in_units_of_a_rig(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    foreign_fmu(Path("lag.fmu"), input_unit="1", output_unit="1", gain=0.5)
-    Path("rig.csv").write_text(TEXT, encoding="utf-8")
-    names = "time=time [ms],voltage=valve [bar],displacement=speed [mm/s]"
-    assert main(["compare", "rig.csv", "--fmu", "lag.fmu", "--columns", names, "--out", "o"]) == 0
-    printed = capsys.readouterr().out
-    assert "rms_mm/s" in printed
-    found = json.loads(Path("o/comparison.json").read_text(encoding="utf-8"))
-    assert found["unit"] == "mm/s"
-    assert found["before"]["rms"] > 0.0
-    assert found["before"]["rms_um"] is None
-    assert main(["compare", "rig.csv", "--columns", names]) == 2
-    assert "found columns in bar and mm/s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("power", [-6, -3, 0, 3, 6])

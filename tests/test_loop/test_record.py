@@ -317,15 +317,6 @@ def test_compare_asks(
         assert said in found
 
 
-@pytest.mark.slow
-@needs_compiler
-def test_tune_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.chdir(tmp_path)
-    foreign_fmu(Path("small.fmu"), gain=1e-9)
-    assert main(["tune", "--fmu", "small.fmu", "--setpoint", "20", "--out", "o"]) == 2
-    assert "400 times more than expected: is a unit another" in capsys.readouterr().err
-
-
 STEPS = np.linspace(0.0, 1.0, 5)
 
 

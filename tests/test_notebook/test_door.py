@@ -5,7 +5,6 @@ import json
 import pickle
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -373,14 +372,6 @@ def test_a_frame_is_read_by_the_heads_that_files_have(lagging: Record):
     assert found.displacement_um == pytest.approx(lagging.displacement_um)
 
 
-def test_an_error_names_arguments_and_no_options():
-    with pytest.raises(pb.InputError, match="columns") as refused:
-        pb.load_record({"time_s": [0.0, 1.0], "other": [0.0, 1.0], "displacement_um": [0.0, 1.0]})
-    assert "--" not in str(refused.value)
-    assert 'columns="voltage=NAME"' in str(refused.value)
-    assert "skip" not in str(refused.value)
-
-
 def test_a_plant_is_simulated_as_its_model_is(lagging: Record):
     found = pb.simulate("beam", time_s=lagging.time_s, voltage_V=lagging.voltage_V)
     assert found.displacement_um == pytest.approx(
@@ -434,18 +425,6 @@ def test_the_settings_of_a_loop_can_be_completed():
     assert "method" not in names
     with pytest.raises(pb.InputError, match="rate: no such setting of a loop, expected one of rate_Hz"):
         pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", rate=5.0)
-
-
-@pytest.mark.slow
-@needs_compiler
-def test_a_tuning_says_why_no_model_is_followed_and_what_would_change_that():
-    late = pb.load_model("beam").with_block("transport_delay", delay_s=0.06)
-    tune = partial(pb.tune, late, follow_model=True, rate_Hz=50.0, latency_frames=0, exposure_s=0.0, evaluations=40)
-    refused, taken = tune(), tune(gain_error_percent=5.0, late_frames=0)
-    assert "gain_error_percent" in repr(refused)
-    assert "late_frames" in repr(refused)
-    assert "model following: objective" in repr(taken)
-    assert "model_following" in [x.method for x in taken.session.contenders]
 
 
 def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):

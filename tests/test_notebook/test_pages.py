@@ -14,12 +14,6 @@ from bender_loop.fmu.check.check import check
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "from_record_to_fmu.ipynb"
 
 
-def test_it_is_short():
-    cells = nbformat.read(TUTORIAL, as_version=4).cells
-    lines = [line for cell in cells if cell.cell_type == "code" for line in cell.source.splitlines() if line]
-    assert len(lines) <= 28
-
-
 @pytest.mark.slow
 # a kernel is started, talked to and stopped by libraries that warn of each other
 @pytest.mark.filterwarnings("ignore")

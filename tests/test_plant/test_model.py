@@ -170,14 +170,6 @@ def test_given_the_numbers_of_a_beam_the_model_is_that_of_the_beam() -> None:
         assert own == pytest.approx(other, rel=1e-12)
 
 
-def test_it_survives_its_file(tmp_path: Path) -> None:
-    model = model_from_table(table())
-    path = tmp_path / "mine.toml"
-    path.write_text(tomli_w.dumps(model.to_table()), encoding="utf-8")
-    assert load_model(path) == model
-    assert "beam" not in model.to_table()
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [

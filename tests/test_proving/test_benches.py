@@ -273,13 +273,6 @@ def test_the_instruments_show_what_they_can_and_nothing_else(number: int) -> Non
     assert (np.max(off[1:]) > error_V) == (case.shown_by == "voltmeter")
 
 
-def test_the_same_number_and_seed_give_the_same_bench() -> None:
-    first, again, other = witnessed_case(1, 5), witnessed_case(1, 5), witnessed_case(1, 6)
-    assert first.hidden == again.hidden
-    assert np.array_equal(first.record.displacement_um, again.record.displacement_um)
-    assert first.hidden != other.hidden
-
-
 def test_the_terminals_of_a_supply_that_slews_climb_in_a_straight_line() -> None:
     rows_s = np.arange(10) / 10.0
     commands = Commands(rows_s, rows_s, np.where(rows_s >= 0.1, 5.0, 0.0))
