@@ -36,8 +36,8 @@ if worker := os.environ.get("PYTEST_XDIST_WORKER"):
 from hypothesis import settings
 
 # enough to meet what a law forbids again and again over the runs; `make test-all` looks longer
-settings.register_profile("default", deadline=None, max_examples=30)
-settings.register_profile("ci", deadline=None, max_examples=30, derandomize=True)
+settings.register_profile("default", deadline=None, max_examples=20)
+settings.register_profile("ci", deadline=None, max_examples=20, derandomize=True)
 settings.register_profile("thorough", deadline=None, max_examples=200)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "default"))
 

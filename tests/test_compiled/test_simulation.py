@@ -201,7 +201,7 @@ def test_a_state_of_any_length_is_declared(block_id: str, monkeypatch: pytest.Mo
         uncut_run.__wrapped__(block_id)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000), st.floats(1e-3, 0.1), st.floats(0.05, 10.0), st.booleans())
 def test_behind_jumps_of_any_size_coarse_sub_steps_miss_little(seed: int, tau_s: float, size_V: float, rings: bool):
     rng = np.random.default_rng(seed)
@@ -278,7 +278,7 @@ def test_a_smooth_voltage_is_followed_far_better_than_straight_lines(frequency_H
     assert left["smooth"] < 0.2 * left["linear"]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10_000), st.floats(0.0, 0.4), st.booleans())
 def test_between_even_rows_a_band_limited_voltage_is_exact(seed: int, part_of_rate: float, jitter: bool):
     rng = np.random.default_rng(seed)
@@ -292,7 +292,7 @@ def test_between_even_rows_a_band_limited_voltage_is_exact(seed: int, part_of_ra
     assert at_rows == pytest.approx(20.0 * np.sin(omega * time_s + phase), abs=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @example(seed=0, jitter=False, stretches=[1, 1, 1])
 @given(
     seed=st.integers(0, 10_000), jitter=st.booleans(), stretches=st.lists(st.integers(1, 60), min_size=1, max_size=4)
@@ -356,7 +356,7 @@ def test_rows_far_apart_are_joined_by_a_straight_line():
     assert values.min() >= 4.9
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(0, 10_000), st.floats(1e-3, 0.03), st.booleans())
 def test_an_exposure_is_the_mean_of_snapshots(seed: int, exposure_s: float, linear: bool):
     rng = np.random.default_rng(seed)
@@ -414,7 +414,7 @@ def modes_of(model: Model) -> tuple[tuple[float, ...], ...]:
     return MODES.constants(parameters, beam())
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(1, 3),

@@ -120,7 +120,7 @@ def test_stretches_give_the_whole_record(block_id: str, parameters: dict[str, An
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(st.integers(1, TIME.size - 1), max_size=6), st.booleans())
 def test_several_models_do_not_disturb_one_another(cuts: list[int], linear: bool) -> None:
     models = (

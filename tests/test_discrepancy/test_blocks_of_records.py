@@ -33,7 +33,7 @@ def unread(count: int, share: float, seed: int) -> np.ndarray:
 
 
 @given(st.integers(60, 5000), st.floats(0.0, 0.4), st.integers(0, 999))
-@examples(max_examples=40, deadline=None)
+@examples(max_examples=25)
 def test_blocks_are_held_out_apart_from_one_another(count: int, share: float, seed: int) -> None:
     read = unread(count, share, seed)
     blocks = folds_of(read)
@@ -49,7 +49,7 @@ def test_blocks_are_held_out_apart_from_one_another(count: int, share: float, se
 
 
 @given(st.integers(40, 5000), st.floats(0.0, 0.4), st.integers(0, 999))
-@examples(max_examples=40)
+@examples(max_examples=25)
 def test_blocks_have_as_many_readings_as_one_another(count: int, share: float, seed: int) -> None:
     read = unread(count, share, seed)
     blocks = blocks_of(read)
@@ -83,7 +83,7 @@ def test_nothing_but_the_command_decides() -> None:
 
 
 @given(st.integers(60, 40_000), st.floats(0.0, 0.4), st.integers(0, 99))
-@examples(max_examples=30, deadline=None)
+@examples(max_examples=20)
 def test_folds_hold_stretches_of_equal_length(count: int, share: float, seed: int) -> None:
     read = unread(count, share, seed)
     folds = folds_of(read)
@@ -131,7 +131,7 @@ def test_names_are_as_short_as_distinguishes_them(names, told):
     st.lists(st.integers(0, 11), min_size=2, max_size=4, unique=True), st.integers(0, 10**6), st.floats(0.0, 1.0),
     st.sampled_from((200, 900, 3000)),
 )  # fmt: skip
-@examples(max_examples=40, deadline=None)
+@examples(max_examples=25)
 def test_a_few_sines_are_found_by_their_frequencies(places: list[int], seed: int, grows: float, rows: int) -> None:
     rng = np.random.default_rng(seed)
     # a few lines of a record apart, and slow beside the rows
@@ -145,7 +145,7 @@ def test_a_few_sines_are_found_by_their_frequencies(places: list[int], seed: int
 
 
 @given(st.integers(0, 10**6), st.sampled_from((300, 1200)), st.integers(2, 30))
-@examples(max_examples=40, deadline=None)
+@examples(max_examples=25)
 def test_levels_and_noise_have_no_lines(seed: int, rows: int, dwell: int) -> None:
     rng = np.random.default_rng(seed)
     command = rng.uniform(0.0, 50.0, rows // dwell + 1).repeat(dwell)[:rows]

@@ -253,7 +253,7 @@ def noise(seed: int, size: int = SCORED) -> np.ndarray:
 
 
 @given(SEEDS, st.floats(0.2, 5.0))
-@examples(max_examples=40)
+@examples(max_examples=25)
 def test_what_is_gained_on_one_side_is_lost_on_the_other(seed: int, size: float) -> None:
     one, other = (noise(seed),), (size * noise(seed + 1),)
     ahead, behind = difference(one, other, COUNTED), difference(other, one, COUNTED)
@@ -265,7 +265,7 @@ def test_what_is_gained_on_one_side_is_lost_on_the_other(seed: int, size: float)
 
 
 @given(SEEDS, st.floats(1e-3, 1e3))
-@examples(max_examples=30)
+@examples(max_examples=20)
 def test_no_score_depends_on_the_unit_of_the_errors(seed: int, scale: float) -> None:
     one, other = noise(seed), 1.3 * noise(seed + 1)
     scaled = difference((scale * one,), (scale * other,), COUNTED)
@@ -276,7 +276,7 @@ def test_no_score_depends_on_the_unit_of_the_errors(seed: int, scale: float) -> 
 
 
 @given(SEEDS, st.floats(0.5, 3.0))
-@examples(max_examples=30)
+@examples(max_examples=20)
 def test_structure_that_only_one_leaves_counts_for_the_other(seed: int, size: float) -> None:
     """Beside noise without a share of it: such a share, by chance, hides a small structure or shows it too well."""
     structure = np.sin(0.3 * np.arange(SCORED))
@@ -304,7 +304,7 @@ def test_rows_that_do_not_count_decide_nothing() -> None:
 
 
 @given(SEEDS, st.integers(3, 40), st.floats(-2.0, 2.0))
-@examples(max_examples=30)
+@examples(max_examples=20)
 def test_a_deviate_is_that_of_the_t_test(seed: int, count: int, shift: float) -> None:
     from scipy.stats import norm, ttest_1samp
 

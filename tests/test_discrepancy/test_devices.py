@@ -84,7 +84,7 @@ def test_records_too_long_for_the_model_are_refused_with_what_to_do():
         search_records(load_model("paper"), [hours])
 
 
-@examples(max_examples=60)
+@examples(max_examples=30)
 @given(st.integers(0, 10_000), st.lists(st.booleans(), min_size=1, max_size=5))
 def test_weights_that_must_not_be_negative_are_the_best_of_those(seed: int, signs: list[bool]):
     rng = np.random.default_rng(seed)

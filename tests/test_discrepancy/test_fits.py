@@ -95,7 +95,7 @@ STEP_V = 4.386
 
 
 @given(st.floats(0.01, 100.0), st.floats(-0.9, 0.9), st.floats(3.0, 300.0))
-@examples(max_examples=60, deadline=None)
+@examples(max_examples=30)
 def test_a_value_is_moved_to_where_a_stair_of_squares_is_deepest(start: float, place: float, stairs: float) -> None:
     deepest = start * (1.0 + place * FINER_AND_FINER[0])
     height = FINER_AND_FINER[0] / stairs
@@ -109,7 +109,7 @@ def test_a_value_is_moved_to_where_a_stair_of_squares_is_deepest(start: float, p
 
 
 @given(st.floats(0.01, 100.0), st.floats(2e-5, 5e-4), st.floats(0.05, 0.95))
-@examples(max_examples=60, deadline=None)
+@examples(max_examples=30)
 def test_of_what_fits_alike_the_middle_is_taken(low: float, width: float, place: float) -> None:
     high = low * (1.0 + width)
     value = low + place * (high - low)
@@ -162,7 +162,7 @@ CELL_STEP_V = 1.7
 
 
 @given(st.lists(st.floats(-50.0, 50.0), min_size=2, max_size=12), st.floats(0.3, 5.0))
-@examples(max_examples=50, deadline=None)
+@examples(max_examples=25)
 def test_within_its_cell_every_command_stays_on_its_level(commands: list[float], step_V: float) -> None:
     u = np.array([*commands, 40.0])
     low, high = cell_V([u], step_V)

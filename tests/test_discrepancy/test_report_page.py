@@ -252,7 +252,7 @@ def _model(gain: float = 1.0, sensitivity_um_per_V: float = 0.5, **hysteresis: A
     ).with_block("rate_independent_hysteresis", **hysteresis)
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(
     plays=st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.01, 0.2)), min_size=1, max_size=6),
     linear=st.floats(-0.5, 0.5),
@@ -284,7 +284,7 @@ def test_bouc_wen_agrees_with_its_equation() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(
     half_width=st.floats(1.0, 6.0), part=st.floats(0.2, 0.8), gain=st.floats(-20.0, 20.0).filter(lambda x: abs(x) > 0.1)
 )
@@ -303,7 +303,7 @@ def test_a_slider_behind_a_gap_has_a_free_stretch_as_wide_as_the_gap(
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.01, 0.2)), min_size=1, max_size=6))
 def test_what_follows_ever_more_closely_after_a_reversal_has_no_free_stretch(plays: list[tuple[float, float]]) -> None:
     thresholds, weights = zip(*plays, strict=True)

@@ -308,7 +308,7 @@ def test_a_stricter_confidence_asks_for_more(confidence: float, part: float) -> 
 
 
 @given(st.floats(0.0, 3.0), st.floats(0.0, 3.0))
-@examples(max_examples=30, deadline=None)
+@examples(max_examples=20)
 def test_less_left_closes_more_and_is_small_sooner(one: float, other: float) -> None:
     found = CLOSING
     archive, base, rows = found.archive, found.found.base, found.problem.observations[0].usable.size

@@ -128,7 +128,7 @@ def left_beyond(line: Calibration, simulated: np.ndarray, read: np.ndarray, step
     return left - np.clip(left, -step_um / 2.0, step_um / 2.0)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=25)
 @example(seed=88, gain=0.3, offset_um=0.0, step_um=0.1)
 @given(
     seed=st.integers(0, 10_000), gain=st.floats(0.3, 3.0), offset_um=st.floats(-5.0, 5.0), step_um=st.floats(0.1, 6.0)
@@ -203,7 +203,7 @@ FACTORS = (1e3, 1e-3, 1e6, 1.0 / 60.0, 1.0 / 25_400.0)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(FACTORS), st.floats(-3.0, 3.0))
-@examples(max_examples=60)
+@examples(max_examples=30)
 def test_a_conversion_there_and_back_leaves_the_same_bits(seed: int, factor: float, size: float) -> None:
     rng = np.random.default_rng(seed)
     time_s = np.cumsum(rng.uniform(0.01, 0.05, 200))

@@ -119,7 +119,7 @@ def test_bar_keeps_its_light(width: float, blur: float, smear: float):
     assert rising[-1] == pytest.approx(1.0)
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(
     number=st.integers(0, 2**32 - 1), taken_ns=st.integers(0, 2**64 - 1), tip_nm=st.integers(-(2**31), 2**31 - 1),
     seed=st.integers(0, 100),

@@ -39,7 +39,7 @@ def begin(controller: Any, gains: Gains, limits: Limits) -> None:
     )
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(
     gains=st.builds(
         Gains, st.floats(0, 10), st.floats(0, 100), st.floats(0, 1), st.sampled_from([0.0, 0.02]), st.booleans()

