@@ -21,7 +21,6 @@ from bender_discrepancy.report.signature.views import VIEWS
 from bender_plant.blocks import BLOCKS
 from bender_plant.kernels.bouc_wen import along
 from bender_plant.model import load_model
-from bender_plant.parameter import WIDEST
 from bender_report.wording import shown_in, unit_text
 
 BEAM = load_model("beam")
@@ -57,7 +56,7 @@ def table_under(text: str, heading: str) -> list[list[str]]:
 def limits(cell: str) -> tuple[float, float] | None:
     if cell == "–":
         return None
-    low, high = (float(x.replace("∞", repr(WIDEST))) for x in cell.split(" … "))
+    low, high = map(float, cell.split(" … "))
     return low, high
 
 
@@ -104,18 +103,14 @@ def test_what_resembles_what_is_known_and_not_itself(effect: Effect):
 def test_the_parameter_table_of_the_page_is_the_metadata(effect: Effect):
     rows = {row[0].strip("`"): row[1:] for row in table_under(page(effect), "Parameters")}
     assert list(rows) == list(effect.defaults)
-    for name, (unit, bounds, default, covered, typical, text) in rows.items():
+    for name, (unit, covered, typical, text) in rows.items():
         known = effect.parameters.get(name)
         if known is None:
-            assert re.findall("`(.+?)`", bounds) == list(effect.block.module.FORMS)
-            assert default == f"`{effect.defaults[name]}`"
+            assert re.findall("`(.+?)`", text) == list(effect.block.module.FORMS)
             continue
         assert (unit, text) == (unit_text(known.unit) or "1", known.text.replace("|", "&#124;"))
-        assert limits(bounds) == (known.low, known.high)
         assert limits(covered) == effect.covered.get(name)
         assert limits(typical) == (effect.typical[name][:2] if name in effect.typical else None)
-        value = effect.defaults[name]
-        assert default == "none" if isinstance(value, tuple) else float(default) == value
 
 
 @every_effect

@@ -11,7 +11,6 @@ from typing import Any
 
 from bender_discrepancy.effects.effect import OTHER_RIGS, Effect
 from bender_plant.blocks import BLOCKS, STAGES, Block
-from bender_plant.parameter import WIDEST
 from bender_report.wording import unit_text
 
 INDEX = "docs/effects/index.md"
@@ -94,20 +93,18 @@ def page(effect: Effect, text: str) -> str:
     rows = [[f"[`{other}`]({other}.md)", words] for other, words in effect.resembles.items()]
     text = _with_section(text, "What it is confused with", _table(["effect", "what separates it"], rows))
     covered = "covered ([scaled](index.md#ranges))" if effect.relative else "covered"
-    heads = ["parameter", "unit", "bounds", "default", covered, "typical", "meaning"]
-    rows = [_parameter_row(effect, name, value) for name, value in effect.defaults.items()]
+    heads = ["parameter", "unit", covered, "typical", "meaning"]
+    rows = [_parameter_row(effect, name) for name in effect.defaults]
     return _with_section(text, "Parameters", _table(heads, rows))
 
 
-def _parameter_row(effect: Effect, name: str, default: Any) -> list[str]:
+def _parameter_row(effect: Effect, name: str) -> list[str]:
     known = effect.parameters.get(name)
     if known is None:
         forms = ", ".join(f"`{form}`" for form in effect.block.module.FORMS)
-        return [f"`{name}`", "–", forms, f"`{default}`", "–", "–", "which form"]
-    value = "none" if isinstance(default, tuple) else f"{default:.12g}"
+        return [f"`{name}`", "–", "–", "–", f"one of {forms}"]
     ranges = [_range(effect.covered.get(name)), _range(effect.typical.get(name))]
-    words = known.text.replace("|", "&#124;")
-    return [f"`{name}`", unit_text(known.unit) or "1", _range((known.low, known.high)), value, *ranges, words]
+    return [f"`{name}`", unit_text(known.unit) or "1", *ranges, known.text.replace("|", "&#124;")]
 
 
 def index(effects: Mapping[str, Effect], text: str) -> str:
@@ -165,11 +162,7 @@ def _table(heads: list[str], rows: list[list[str]]) -> str:
 
 
 def _range(limits: tuple[Any, ...] | None) -> str:
-    return "–" if limits is None else " … ".join(_end(x) for x in limits[:2])
-
-
-def _end(limit: float) -> str:
-    return f"{limit:g}" if abs(limit) < WIDEST else "∞" if limit > 0.0 else "-∞"
+    return "–" if limits is None else " … ".join(f"{x:g}" for x in limits[:2])
 
 
 def _read(path: Path) -> str:
