@@ -24,7 +24,7 @@ help:
 	@echo "make test-all   run every test"
 	@echo "make check      ruff, pyright and import-linter"
 	@echo "make docs       build the site (build/docs/index.html)"
-	@echo "make picture    draw the pictures of README and of the tuned step again"
+	@echo "make picture    draw the pictures of the documentation again"
 	@echo "make benchmark  print the figures that the documentation quotes"
 	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*, and what else in results holds the journal of a run)"
 
@@ -53,6 +53,7 @@ picture: $(INSTALLED)
 	$(RUN) -m bender_cli tune --model bench --out results/picture
 	$(RUN) -c "import shutil; shutil.copyfile('results/picture/step.png', 'docs/step-response.png')"
 	$(RUN) docs/_tools/draw_before_after.py
+	$(RUN) docs/_tools/draw_evidence.py
 
 benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
