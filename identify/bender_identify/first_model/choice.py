@@ -7,7 +7,8 @@ between the two, block by block. What stays in all blocks alike, however slowly 
 
 A further order may imitate what is not linear. So a loop without time and one nonlinear part at a time are tried beside
 the simple structures, see `loop_rival` and `rivals`: where one of them simulates unseen blocks better than the best
-structure, the simple one beside it is written, and the part is said. Times that a loop explains are shortened.
+structure, the simple one beside it is written, and the part is said. Times that a loop explains are shortened. They are
+judged on the same blocks as the structures, all of them: the one figure of a structure is the one in the table.
 """
 
 import itertools
@@ -21,8 +22,8 @@ from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, evaluated, fitted, with_deviations
-from bender_identify.first_model.loop_rival import LoopRival, loop_rival, with_times
-from bender_identify.first_model.rivals import Rival, best_rival
+from bender_identify.first_model.loop_rival import Fold, LoopRival, loop_rival
+from bender_identify.first_model.rivals import Rival, best_rival, refitted
 from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.records.experiment import Experiment
@@ -42,22 +43,46 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Losses:
+    """What something leaves on blocks that its fit has not seen.
+
+    Attributes:
+        losses: (blocks,) mean square of the residual on every block.
+        weights: (blocks,) rows of every block over all of them.
+    """
+
+    losses: Array
+    weights: Array
+
+    @property
+    def held_out_rms(self) -> float:
+        """The rms of all rows, each by a fit that has not seen its block."""
+        return math.sqrt(float(self.weights @ self.losses))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scored:
     """A structure with what it leaves.
 
     Attributes:
-        fit: to the rows of the first fold.
-        rms: on all rows of the excerpt, by that fit.
-        held_out_rms: on all rows, each by a fit that has not seen its block.
-        losses: (blocks,) mean square of the residual on every block, by a fit that has not seen it.
-        weights: (blocks,) rows of every block over all of them.
+        fits: to the rows of every fold.
+        rms: on all rows of the excerpt, by the first of them.
+        left: on unseen blocks.
     """
 
-    fit: FirstFit
+    fits: tuple[FirstFit, ...]
     rms: float
-    held_out_rms: float
-    losses: Array
-    weights: Array
+    left: Losses
+
+    @property
+    def fit(self) -> FirstFit:
+        """The fit to the rows of the first fold."""
+        return self.fits[0]
+
+    @property
+    def held_out_rms(self) -> float:
+        """The rms of all rows, each by a fit that has not seen its block."""
+        return self.left.held_out_rms
 
     @property
     def numbers(self) -> int:
@@ -75,8 +100,9 @@ class FirstModel:
         selected: the entry of `scores` with the chosen structure.
         task: the records that it was fitted to.
         loop: plays that simulate unseen blocks better than every structure, with what is chosen beside them.
+        loop_rms: what they leave on unseen blocks.
         rival: a nonlinear part that simulates unseen blocks better than every structure, and the structure beside it.
-        beside_rms: what the best structure leaves on the rows that loop and rival were judged on.
+        rival_rms: what it leaves on unseen blocks.
     """
 
     chosen: FirstFit
@@ -84,8 +110,14 @@ class FirstModel:
     selected: Scored
     task: FitTask
     loop: LoopRival | None = None
+    loop_rms: float = math.nan
     rival: Rival | None = None
-    beside_rms: float = math.nan
+    rival_rms: float = math.nan
+
+    @property
+    def best(self) -> Scored:
+        """The structure that leaves least on unseen blocks."""
+        return _best_of(self.scores)
 
     def model(self, name: str) -> Model:
         """Return the chosen model, which says of which records it is and of when."""
@@ -136,23 +168,25 @@ def first_model(
     selected = select(wanted)
     final_task = FitTask.of(experiments)
     everything = [x.fitted | x.held_out for x in final_task.experiments]
-    loop = rival = None
     if any(x.fit.structure == Structure() for x in wanted):
-        loop = _better_loop(search, scores, selected)
-    if loop is not None:
-        selected = next(x for x in wanted if x.fit.structure == loop.structure)
-        beside = evaluated(final_task, loop.structure, loop.values, everything) or selected.fit
-        return FirstModel(beside, tuple(scores), selected, final_task, loop, beside_rms=_first_fold_rms(search, scores))
+        loop = _better_loop(search, scores, [x for x in wanted if x.numbers <= selected.numbers])
+        if loop is not None:
+            plays, left = loop
+            selected = next(x for x in wanted if x.fit.structure == plays.structure)
+            beside = evaluated(final_task, plays.structure, plays.values, everything) or selected.fit
+            return FirstModel(beside, tuple(scores), selected, final_task, plays, left.held_out_rms)
+    rival, rival_rms = None, math.nan
     if only is None:
         if tell is not None:
             tell("trying nonlinear parts beside it")
-        rival = _better_rival(search, scores, selected)
-        selected = selected if rival is None else _beside(rival, scores, selected)
+        if (found := _better_rival(search, scores, selected)) is not None:
+            rival, rival_rms = found[0], found[1].held_out_rms
+            selected = _beside(rival, scores, selected)
     if tell is not None:
         tell(f"fitting {selected.fit.structure.name} to all rows")
     final = fitted(final_task, selected.fit.structure, selected.fit.values, everything) or selected.fit
     chosen = with_deviations(final_task, final, everything)
-    return FirstModel(chosen, tuple(scores), selected, final_task, loop, rival, _first_fold_rms(search, scores))
+    return FirstModel(chosen, tuple(scores), selected, final_task, rival=rival, rival_rms=rival_rms)
 
 
 def structures_scored(task: FitTask, tell: Tell | None = None, only: Structure | None = None) -> list[Scored]:
@@ -190,18 +224,30 @@ def structures_scored(task: FitTask, tell: Tell | None = None, only: Structure |
 
 def select(scores: Sequence[Scored]) -> Scored:
     """Return the simplest entry within one standard error of the best one on unseen blocks."""
-    best = min(scores, key=lambda x: x.held_out_rms)
-    simpler = [x for x in scores if x.numbers < best.numbers]
+    return scores[_simplest([(x.numbers, x.left) for x in scores])]
+
+
+def _simplest(judged: Sequence[tuple[int, Losses]]) -> int:
+    """Return which of these, each with how many numbers it has, is the simplest that is as good as the best."""
+    best = min(range(len(judged)), key=lambda k: judged[k][1].held_out_rms)
+    most, least = judged[best]
     as_good = [
-        x
-        for x in simpler
-        if x.held_out_rms <= AS_GOOD * best.held_out_rms
-        or (not is_better(x, best) and x.held_out_rms <= MOST_WORSE * best.held_out_rms)
+        k
+        for k, (numbers, left) in enumerate(judged)
+        if numbers < most
+        and (
+            left.held_out_rms <= AS_GOOD * least.held_out_rms
+            or (not is_better(left, least) and left.held_out_rms <= MOST_WORSE * least.held_out_rms)
+        )
     ]
-    return min(as_good, key=lambda x: (x.numbers, x.held_out_rms), default=best)
+    return min(as_good, key=lambda k: (judged[k][0], judged[k][1].held_out_rms), default=best)
 
 
-def is_better(simple: Scored, rich: Scored) -> bool:
+def _best_of(scores: Sequence[Scored]) -> Scored:
+    return min(scores, key=lambda x: x.held_out_rms)
+
+
+def is_better(simple: Losses, rich: Losses) -> bool:
     """Return whether the second leaves less on unseen blocks, by more than a standard error of the difference."""
     return losses_differ(simple.losses, rich.losses, rich.weights)
 
@@ -214,8 +260,8 @@ def losses_differ(simple: Array, rich: Array, weights: Array) -> bool:
 
 
 def _is_any_better(simpler: Sequence[Scored], others: Sequence[Scored]) -> bool:
-    best = min(simpler, key=lambda x: x.held_out_rms)
-    return any(is_better(best, x) and AS_GOOD * x.held_out_rms < best.held_out_rms for x in others)
+    best = _best_of(simpler)
+    return any(is_better(best.left, x.left) and AS_GOOD * x.held_out_rms < best.held_out_rms for x in others)
 
 
 def _leaves_white_noise(fit: FirstFit, masks: Sequence[Mask]) -> bool:
@@ -253,23 +299,31 @@ def _best(task: FitTask, structure: Structure, fits: Sequence[FirstFit], masks: 
 
 def _scored(task: FitTask, structure: Structure, simpler: Sequence[FirstFit]) -> Scored | None:
     """Return a structure fitted to every fold in turn, None where it cannot be simulated."""
-    seen, held_out = row_masks(task)
-    first = _best(task, structure, simpler, seen)
+    first = _best(task, structure, simpler, row_masks(task)[0])
     if first is None:
         return None
-    residuals = [np.where(h, r, np.nan) for r, h in zip(first.residuals, held_out, strict=True)]
+    fits = [first]
     for fold in range(1, FOLDS):
-        others, judged = row_masks(task, fold)
-        again = fitted(task, structure, first.values, others, REFINED_EVALUATIONS)
+        again = fitted(task, structure, first.values, row_masks(task, fold)[0], REFINED_EVALUATIONS)
         if again is None:
             return None
-        residuals = [
-            np.where(j, r, known) for known, r, j in zip(residuals, again.residuals, judged, strict=True)
-        ]  # fmt: skip
-    losses, weights = block_losses(task, residuals)
+        fits.append(again)
     every = [x.fitted | x.held_out for x in task.experiments]
     rms = math.sqrt(first.square(every) / max(sum(int(m.sum()) for m in every), 1))
-    return Scored(first, rms, math.sqrt(float(weights @ losses)), losses, weights)
+    return Scored(tuple(fits), rms, _losses(task, _unseen(task, [x.residuals for x in fits])))
+
+
+def _unseen(task: FitTask, residuals: Sequence[Sequence[Array]]) -> list[Array]:
+    """Return the residual of every row by the fold that has not seen it, NaN where a row is judged by none."""
+    found = [np.full(x.time_s.size, np.nan) for x in task.experiments]
+    for fold, of_fold in enumerate(residuals):
+        _, judged = row_masks(task, fold)
+        found = [np.where(j, r, known) for known, r, j in zip(found, of_fold, judged, strict=True)]
+    return found
+
+
+def _losses(task: FitTask, residuals: Sequence[Array]) -> Losses:
+    return Losses(*block_losses(task, residuals))
 
 
 def block_losses(task: FitTask, residuals: Sequence[Array]) -> tuple[Array, Array]:
@@ -284,46 +338,41 @@ def block_losses(task: FitTask, residuals: Sequence[Array]) -> tuple[Array, Arra
     return np.array(squares), np.array(counts) / sum(counts)
 
 
-def _better_loop(task: FitTask, scores: Sequence[Scored], selected: Scored) -> LoopRival | None:
-    """Return the loop where it simulates unseen rows better than every structure, with the times that are left."""
-    seen, held_out = row_masks(task)
-    loop = loop_rival(task, seen, held_out)
-    best = min(scores, key=lambda x: x.held_out_rms)
-    if loop is None or not losses_differ(_first_fold(task, best, held_out), *_loop_losses(task, loop)):
+def _better_loop(task: FitTask, scores: Sequence[Scored], wanted: Sequence[Scored]) -> tuple[LoopRival, Losses] | None:
+    """Return plays that simulate unseen blocks better than every structure, before the simplest that serves as well.
+
+    Args:
+        task: the records.
+        scores: what plays are compared with.
+        wanted: what may stand behind them.
+    """
+    folds: list[Fold] = [row_masks(task, k) for k in range(FOLDS)]
+    tried = [loop_rival(task, folds, x.fit.structure, [y.values for y in x.fits]) for x in wanted]
+    judged = [(x, _losses(task, x.residuals)) for x in tried if x is not None]
+    if not judged:
         return None
-
-    def is_better_loop(one: LoopRival, other: LoopRival) -> bool:
-        return losses_differ(_loop_losses(task, one)[0], *_loop_losses(task, other))
-
-    return with_times(task, seen, held_out, loop, selected.fit.structure, selected.fit.values, is_better_loop)
+    loop, left = judged[_simplest([(len(x.values), y) for x, y in judged])]
+    return (loop, left) if is_better(_best_of(scores).left, left) else None
 
 
-def _first_fold(task: FitTask, scored: Scored, held_out: Sequence[Mask]) -> Array:
-    left = [np.where(h, r, np.nan) for r, h in zip(scored.fit.residuals, held_out, strict=True)]
-    return block_losses(task, left)[0]
+def _better_rival(task: FitTask, scores: Sequence[Scored], selected: Scored) -> tuple[Rival, Losses] | None:
+    """Return the best nonlinear part beside a simple structure where it simulates unseen blocks better than any order.
 
-
-def _first_fold_rms(task: FitTask, scores: Sequence[Scored]) -> float:
-    """Return what the best structure leaves on the rows that a loop and a nonlinear part are judged on."""
-    _, held_out = row_masks(task)
-    best = min(scores, key=lambda x: x.held_out_rms)
-    left = [r[h & np.isfinite(r)] for r, h in zip(best.fit.residuals, held_out, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
-
-
-def _loop_losses(task: FitTask, loop: LoopRival) -> tuple[Array, Array]:
-    return block_losses(task, loop.residuals)
-
-
-def _better_rival(task: FitTask, scores: Sequence[Scored], selected: Scored) -> Rival | None:
-    """Return the best nonlinear part beside a simple structure where it simulates unseen rows better than any order."""
+    The first fold chooses it; the others only say what it leaves there.
+    """
     seen, held_out = row_masks(task)
-    best = min(scores, key=lambda x: x.held_out_rms)
+    best = _best_of(scores)
     bases = {x.fit.structure: x.fit for x in scores if x.fit.structure.order <= max(selected.fit.structure.order, 2)}
     rival = best_rival(task, list(bases.values()), selected.fit, seen, held_out)
-    if rival is None or not losses_differ(_first_fold(task, best, held_out), *block_losses(task, rival.residuals)):
+    if rival is None:
         return None
-    return rival if AS_GOOD * rival.held_out_rms < _first_fold_rms(task, scores) else None
+    again = [refitted(task, rival, *row_masks(task, fold)) for fold in range(1, FOLDS)]
+    residuals = [rival.residuals, *(x.residuals for x in again if x is not None)]
+    if len(residuals) < FOLDS:
+        return None
+    left = _losses(task, _unseen(task, residuals))
+    better = is_better(best.left, left) and AS_GOOD * left.held_out_rms < best.held_out_rms
+    return (rival, left) if better else None
 
 
 def _beside(rival: Rival, scores: Sequence[Scored], selected: Scored) -> Scored:

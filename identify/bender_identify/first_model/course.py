@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bender_identify.first_model.choice import Scored, losses_differ, structures_scored
+from bender_identify.first_model.choice import Scored, is_better, structures_scored
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import FitTask
 from bender_identify.first_model.structures import Structure
@@ -80,10 +80,10 @@ def course_between_rows(records: Sequence[Record], names: Sequence[str] = ()) ->
 
 def _is_better(one: Scored | None, other: Scored | None, most_left: float) -> bool:
     """Return whether one leaves clearly less than another one, and no more than a part of its mean square."""
-    if one is None or other is None or one.losses.size != other.losses.size:
+    if one is None or other is None or one.left.losses.size != other.left.losses.size:
         return one is not None and other is None
     is_less = one.held_out_rms**2 < most_left * other.held_out_rms**2
-    return is_less and losses_differ(other.losses, one.losses, one.weights)
+    return is_less and is_better(other.left, one.left)
 
 
 def _best(records: Sequence[Record], names: Sequence[str], course: InputHold) -> Scored | None:

@@ -101,7 +101,7 @@ def _candidate(whole: FitTask, counted: Sequence[Mask], x: Scored, name: str) ->
         return None
     gain = fit.gain or LEAST_GAIN
     model = fit.structure.model(fit.values, gain, fit.offsets[0], name)
-    return LinearStructure(model, fit.structure, x.numbers, x.held_out_rms, tuple(x.losses.tolist()))
+    return LinearStructure(model, fit.structure, x.numbers, x.held_out_rms, tuple(x.left.losses.tolist()))
 
 
 def _hidden(

@@ -3,16 +3,16 @@
 In a narrow band, whatever shifts the phase looks like a lag, a mode or a delay: a loop of hysteresis or dry friction
 too. Play operators beside a gain (Prandtl-Ishlinskii; Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989,
 doi:10.1007/978-3-642-61302-9) have the loop without any time; they are linear in their weights. Where they simulate
-held-out rows better than the best linear structure, the phase of the records is no evidence of dynamics. How far the
-structure is still needed beside the plays is found by shortening all its times by one factor.
+unseen blocks better than the best linear structure, the phase of the records is no evidence of dynamics. Which
+structure is still needed behind the plays is found by trying each, with all its times shortened by one factor.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bender_identify.first_model.fit import Array, FitTask, Mask
+from bender_identify.first_model.fit import HIGHEST_PER_ROW, Array, FitTask, Mask
 from bender_identify.first_model.structures import Structure
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
@@ -24,60 +24,66 @@ FACTORS = tuple(float(x) for x in np.geomspace(1.0, 0.01, 9))
 """By which the times of a structure are shortened."""
 
 
+Fold = tuple[Sequence[Mask], Sequence[Mask]]
+"""Rows that are fitted and rows that the fit is judged on, for every record."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopRival:
-    """Plays before a linear structure, fitted to the fitted rows.
+    """Plays before a linear structure.
 
     Attributes:
         structure: behind the plays; a gain alone has no time.
-        values: its numbers.
-        numbers: of the whole: weights, gain, the factor of the times.
-        held_out_rms: what it leaves on held-out rows, in the unit of the readings.
-        residuals: (n,) for every record, NaN where a row is not held out.
+        values: its numbers, from the first fold.
+        residuals: (n,) for every record, each row by weights that have not seen its block; NaN where none is judged.
     """
 
     structure: Structure
     values: tuple[float, ...]
-    numbers: int
-    held_out_rms: float
     residuals: tuple[Array, ...]
 
 
-def loop_rival(task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask]) -> LoopRival | None:
-    """Fit gain, plays and an offset of every record by linear least squares; None where none can be simulated.
+def loop_rival(
+    task: FitTask, folds: Sequence[Fold], structure: Structure, values: Sequence[tuple[float, ...]]
+) -> LoopRival | None:
+    """Fit gain, plays and an offset of every record by linear least squares, with shortened times of a structure.
 
     Args:
         task: the records.
-        seen: rows that are fitted, for every record.
-        held_out: rows that the fit is judged on.
+        folds: rows that are fitted and judged, in turn.
+        structure: behind the plays.
+        values: its numbers without plays, as every fold found them.
+
+    Returns:
+        The plays with the factor that leaves least on the held-out rows of the first fold; None where none can be
+        simulated.
     """
-    return _fitted(task, seen, held_out, Structure(), ())
+    factors = [x for x in FACTORS if _can_be_seen(task, structure, _shortened(structure, values[0], x))]
+    # without any number every factor is the same
+    factors = factors if structure.names else [1.0]
+    first = {x: _left(task, folds[0], structure, _shortened(structure, values[0], x)) for x in factors}
+    left = {x: rows for x, rows in first.items() if rows is not None}
+    if not left:
+        return None
+    factor = min(left, key=lambda x: _mean_square(left[x]))
+    residuals = left[factor]
+    for fold, of_fold in zip(folds[1:], values[1:], strict=True):
+        others = _left(task, fold, structure, _shortened(structure, of_fold, factor))
+        if others is None:
+            return None
+        residuals = [np.where(np.isfinite(r), r, known) for r, known in zip(others, residuals, strict=True)]
+    return LoopRival(structure, _shortened(structure, values[0], factor), tuple(residuals))
 
 
-def with_times(
-    task: FitTask,
-    seen: Sequence[Mask],
-    held_out: Sequence[Mask],
-    loop: LoopRival,
-    structure: Structure,
-    values: Sequence[float],
-    is_better: Callable[[LoopRival, LoopRival], bool],
-) -> LoopRival:
-    """Return the plays before a structure with shortened times where that is better than the plays alone.
+def _mean_square(residuals: Sequence[Array]) -> float:
+    return float(np.nanmean(np.concatenate(list(residuals)) ** 2))
 
-    Args:
-        task: the records.
-        seen: rows that are fitted, for every record.
-        held_out: rows that the fit is judged on.
-        loop: the plays alone.
-        structure: that the records would support without plays.
-        values: its numbers.
-        is_better: whether held-out rows favour the second.
-    """
-    tried = [_fitted(task, seen, held_out, structure, _shortened(structure, values, x)) for x in FACTORS]
-    found = [x for x in tried if x is not None]
-    best = min(found, key=lambda x: x.held_out_rms, default=loop)
-    return best if is_better(loop, best) else loop
+
+def _can_be_seen(task: FitTask, structure: Structure, values: Sequence[float]) -> bool:
+    """Return whether no mode lies so far above the rate of the rows that no reading shows it."""
+    highest = HIGHEST_PER_ROW / task.delay_unit_s
+    pairs = zip(structure.names, values, strict=True)
+    return all(x <= highest for name, x in pairs if name.startswith("frequency"))
 
 
 def _shortened(structure: Structure, values: Sequence[float], factor: float) -> tuple[float, ...]:
@@ -89,9 +95,8 @@ def _shortened(structure: Structure, values: Sequence[float], factor: float) -> 
     )
 
 
-def _fitted(
-    task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask], structure: Structure, values: tuple[float, ...]
-) -> LoopRival | None:
+def _left(task: FitTask, fold: Fold, structure: Structure, values: tuple[float, ...]) -> list[Array] | None:
+    """Return what plays before a structure leave of the judged rows (n,) of every record, NaN elsewhere."""
     columns = _columns(task, structure, values)
     if columns is None:
         return None
@@ -99,15 +104,12 @@ def _fitted(
     sizes = [y.size for y in readings]
     offsets = [np.repeat(np.eye(len(sizes))[k], sizes) for k in range(len(sizes))]
     table, measured = np.column_stack([*offsets, *columns]), np.concatenate(readings)
-    fitted, judged = np.concatenate(list(seen)), np.concatenate(list(held_out))
+    fitted, judged = (np.concatenate(list(x)) for x in fold)
     if np.count_nonzero(fitted) <= table.shape[1] or not judged.any():
         return None
     weights = np.linalg.lstsq(table[fitted], measured[fitted], rcond=None)[0]
-    left = measured[judged] - table[judged] @ weights
-    numbers = len(columns) + bool(structure.names)
     everywhere = np.where(judged, measured - table @ weights, np.nan)
-    residuals = tuple(np.split(everywhere, np.cumsum(sizes)[:-1]))
-    return LoopRival(structure, values, numbers, float(np.sqrt(np.mean(left**2))), residuals)
+    return np.split(everywhere, np.cumsum(sizes)[:-1])
 
 
 def _columns(task: FitTask, structure: Structure, values: tuple[float, ...]) -> list[Array] | None:

@@ -55,7 +55,7 @@ def unit_of(name: str, quantities: Quantities = USUAL) -> str:
 
 def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
     """Return the first model as JSON has it; what ends in `_um` is null where readings are no lengths."""
-    loop = None if found.loop is None else found.loop.held_out_rms
+    loop = None if found.loop is None else found.loop_rms
 
     def both(name: str, value: Any) -> dict[str, Any]:
         return {name: value, f"{name}_um": value if quantities.reading == MICROMETRE else None}
@@ -112,11 +112,11 @@ def learned_model(found: FirstModel, name: str, quantities: Quantities = USUAL) 
 def likelier_effect(found: FirstModel) -> dict[str, Any] | None:
     """Return the nonlinear effect that is likelier than a further order, None where none is."""
     if found.loop is not None:
-        return {"id": HYSTERESIS, "beside": found.loop.structure.name, "held_out_rms": found.loop.held_out_rms}
+        return {"id": HYSTERESIS, "beside": found.loop.structure.name, "held_out_rms": found.loop_rms}
     if found.rival is None:
         return None
     rival = found.rival
-    return {"id": rival.effect, "beside": rival.structure.name, "held_out_rms": rival.held_out_rms}
+    return {"id": rival.effect, "beside": rival.structure.name, "held_out_rms": found.rival_rms}
 
 
 def table(found: FirstModel) -> list[list[Any]]:
@@ -138,7 +138,7 @@ def choice_sentence(found: FirstModel) -> str:
         return _loop_sentence(found, found.loop)
     if found.rival is not None:
         return _rival_sentence(found, found.rival)
-    best = min(found.scores, key=lambda x: x.held_out_rms)
+    best = found.best
     if best is found.selected:
         return ""
     return (
@@ -148,24 +148,24 @@ def choice_sentence(found: FirstModel) -> str:
 
 
 def _rival_sentence(found: FirstModel, rival: Rival) -> str:
-    best = min(found.scores, key=lambda x: x.held_out_rms)
+    best = found.best
     return (
         f"a nonlinear effect is likelier than a further order: `{rival.effect}` beside {rival.structure.name} "
-        f"simulates unseen blocks better, {rival.held_out_rms:.3g} against {found.beside_rms:.3g} of "
+        f"simulates unseen blocks better, {found.rival_rms:.4g} against {best.held_out_rms:.4g} of "
         f"{best.fit.structure.name}. {found.selected.fit.structure.name} is written, for `bender diagnose` to name "
         "what is missing"
     )
 
 
 def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
-    best = min(found.scores, key=lambda x: x.held_out_rms)
+    best = found.best
     written = (
         f"{loop.structure.name} is written with the times that remain beside it" if loop.structure.names
         else "the gain alone is written"
     )  # fmt: skip
     return (
-        f"a loop that does not depend on time ({PLAYS} plays) simulates held-out rows better, {loop.held_out_rms:.3g} "
-        f"against {found.beside_rms:.3g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
+        f"a loop that does not depend on time ({PLAYS} plays) simulates unseen blocks better, {found.loop_rms:.4g} "
+        f"against {best.held_out_rms:.4g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
         "makes the loop"
     )
 

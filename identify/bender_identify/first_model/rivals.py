@@ -44,6 +44,7 @@ class Rival:
         structure: beside it.
         values: the numbers of the structure.
         part: the numbers of the block.
+        fixed: those of them that are not fitted.
         held_out_rms: what it leaves on held-out rows, in the unit of the readings.
         residuals: (n,) for every record, NaN where a row is not held out.
         hidden: no linear fit shows the structure.
@@ -53,6 +54,7 @@ class Rival:
     structure: Structure
     values: tuple[float, ...]
     part: dict[str, Any]
+    fixed: dict[str, Any]
     held_out_rms: float
     residuals: tuple[Array, ...]
     hidden: bool = False
@@ -90,6 +92,17 @@ def best_rival(
     least = min((x.held_out_rms for x in rivals), default=0.0)
     near = [x for x in rivals if x.held_out_rms <= AS_GOOD * least]
     return min(near, key=lambda x: (len(x.values), x.held_out_rms), default=None)
+
+
+def refitted(task: FitTask, rival: Rival, seen: Sequence[Mask], held_out: Sequence[Mask]) -> Rival | None:
+    """Return a rival fitted to other rows, from its own numbers on; None where it cannot be simulated there."""
+    free = {n: float(x) for n, x in rival.part.items() if n not in rival.fixed}
+    part = Part(rival.effect, free, rival.fixed)
+    left = _residuals(task, rival.structure, rival.values, rival.effect, rival.part, seen)
+    if left is None:
+        return None
+    start = _Try(rival.structure, rival.values, part, _square(left, seen), rival.hidden)
+    return _refined(task, start, seen, held_out)
 
 
 def _leaders(tried: Sequence[_Try]) -> list[_Try]:
@@ -241,4 +254,4 @@ def _refined(task: FitTask, start: _Try, seen: Sequence[Mask], held_out: Sequenc
     judged = tuple(np.where(m, r, np.nan) for r, m in zip(left, held_out, strict=True))
     rows = max(sum(int(m.sum()) for m in held_out), 1)
     rms = float(np.sqrt(_square(left, held_out) / rows))
-    return Rival(start.part.effect, start.structure, values, part, rms, judged, start.hidden)
+    return Rival(start.part.effect, start.structure, values, part, start.part.fixed, rms, judged, start.hidden)
