@@ -14,8 +14,13 @@ SOURCES = Path(__file__).parent / "foreign"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 IDENTIFIER = "foreign_lag"
 TAU_S = 0.1
+MEASUREMENT = """\
+    <ScalarVariable name="measurement" valueReference="7" causality="input" variability="continuous">
+      <Real start="0" unit="m"/>
+    </ScalarVariable>
+"""
 _LIBRARIES: dict[tuple[str, ...], bytes] = {}
-HOSTILE = {"hang": 1, "crash": 2, "trap": 3, "leave": 4, "eat": 5, "nan": 6}
+HOSTILE = {"hang": 1, "crash": 2, "trap": 3, "leave": 4, "eat": 5, "nan": 6, "close": 7}
 
 
 def c_compiler() -> str | None:
@@ -37,10 +42,12 @@ def foreign_fmu(
     gain: float = 1e-6,
     hostile: str | None = None,
     after: int = 3000,
+    controller: bool = False,
 ) -> Path:
     """Write the FMU; without `any_step` or `state` it does not only say so but refuses, too.
 
-    A hostile one does something that takes its process along (see `HOSTILE`) once it has done `after` steps.
+    A hostile one does something that takes its process along (see `HOSTILE`) once it has done `after` steps. As a
+    controller it commands its gain times the set-point, late, whatever the measurement.
     """
     refuses_state, even_steps = not state, not any_step
     starts = {"GAIN_START": gain, "REFUSES_STATE_START": int(refuses_state), "EVEN_STEPS_START": int(even_steps)}
@@ -56,6 +63,9 @@ def foreign_fmu(
     text = (SOURCES / "modelDescription.xml").read_text(encoding="utf-8")
     for name, value in filled.items():
         text = text.replace(f"@{name}@", str(value).lower() if isinstance(value, bool) else str(value))
+    if controller:
+        text = text.replace("drive.u", "setpoint").replace("sensor.y", "command")
+        text = text.replace("  </ModelVariables>", f"{MEASUREMENT}  </ModelVariables>")
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", text)
         archive.write(binary, f"binaries/{fmpy.platform}/{IDENTIFIER}{fmpy.sharedLibraryExtension}")

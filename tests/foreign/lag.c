@@ -1,15 +1,17 @@
 /* A first-order lag, exact for a held input, as a tool other than this project's would export it.
 
-   tau y' + y = gain u. Variables: u (0), y (1), gain (2), tau (3), refuses_state (4), even_steps (5), clock (6). */
+   tau y' + y = gain u. Variables: u (0), y (1), gain (2), tau (3), refuses_state (4), even_steps (5), clock (6), and an
+   input without effect (7). */
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "fmi2Functions.h"
 
-#define VARIABLES 7
-enum { U, Y, GAIN, TAU, REFUSES_STATE, EVEN_STEPS, CLOCK };
+#define VARIABLES 8
+enum { U, Y, GAIN, TAU, REFUSES_STATE, EVEN_STEPS, CLOCK, WITHOUT_EFFECT };
 
 typedef struct {
     fmi2Real value[VARIABLES];
@@ -32,12 +34,13 @@ static void turn_hostile(void) {
     if (HOSTILE == 2) *(volatile int*)0 = 0;
     if (HOSTILE == 3) { volatile int some = 7, none = 0; some = some / none; }
     if (HOSTILE == 4) exit(0);
+    if (HOSTILE == 7) for (int k = 0; k < 1000; k++) close(k);
     if (HOSTILE == 6) spoilt = 1;
     if (HOSTILE == 5) for (;;) { char* block = malloc(1 << 28); if (block == NULL) abort(); memset(block, 1, 1 << 20); }
 }
 #endif
 
-static const Memory START = {{0.0, 0.0, GAIN_START, 0.1, REFUSES_STATE_START, EVEN_STEPS_START, 0.0}, 0.0};
+static const Memory START = {{0.0, 0.0, GAIN_START, 0.1, REFUSES_STATE_START, EVEN_STEPS_START, 0.0, 0.0}, 0.0};
 
 static fmi2Status failed(Lag* lag, const char* format, double found, double expected) {
     lag->callbacks.logger(lag->callbacks.componentEnvironment, lag->name, fmi2Error, "logStatusError", format, found, expected);

@@ -19,7 +19,7 @@ from bender_hil.runner.voltages import Voltages, read_profile_file, sine, stairc
 from bender_loop.control import pid
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile, Step
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 
 IMAGE = np.zeros((4, 4), np.uint8)
 
@@ -125,6 +125,22 @@ def test_a_lost_tip_holds_the_command(tmp_path: Path):
     volts = [command[1] for command in guard.commands]
     assert volts[1] == volts[2] == volts[3] < volts[4]
     assert [command[3] is None for command in guard.commands] == [False, False, True, True, False, False]
+
+
+def test_a_programme_that_fails_ends_the_run_as_a_rule_does(tmp_path: Path):
+    class Failing(OpenLoop):
+        def decide(self, time_s: float, dt_s: float, measured_um: float | None):
+            if time_s > 0.05:
+                raise RunError("mine.fmu: the command is nan V")
+            return super().decide(time_s, dt_s, measured_um)
+
+    guard = ScriptedGuard()
+    eyes = ScriptedEyes([_sight(k, 100.0 + (k + 1) / 30.0, 0.0) for k in range(30)])
+    end = _run(tmp_path, eyes, guard, Failing(Voltages((0.0,), (1.0,), 1.0)))
+    assert end.trip == ("controller_failed", "mine.fmu: the command is nan V")
+    assert guard.trips == ["controller_failed"]
+    assert len(guard.commands) == end.ticks == 2
+    assert list(read_journal(tmp_path / "run.jsonl"))[-1]["kind"] == "ended_by_controller"
 
 
 def test_a_stalled_camera_ends_the_run(tmp_path: Path):

@@ -6,15 +6,17 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from foreign_bench.streaming import LaserHead
 from foreign_bench.switchless import LabAmp
 
 from bender_hil.guard.guard import Status
+from bender_hil.guard.rules import Trip
 from bender_hil.guard.spares import Ended
 from bender_hil.runner.run import _explained
+from bender_hil.runner.tip_camera import CameraEyes
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sensors.table import SensorTable, conversion
 from bender_hil.sources.kinds import check_source, make_source
@@ -153,6 +155,14 @@ def test_frames_are_read_whole_however_they_are_cut_and_an_unplugged_head_says_s
         for code, is_told in (("frame_age", True), ("travel", False)):
             ended = _explained(Ended(Status.TRIPPED, code, "as the guard has it", "", {}), eyes)
             assert ("the laser head closed the link" in str(ended.sentence)) == is_told
+
+
+@pytest.mark.parametrize(("code", "is_told"), [("heartbeat", True), ("frame_age", True), ("travel", False)])
+def test_why_a_controller_was_silent_is_told(code: str, is_told: bool):
+    ended = Ended(Status.TRIPPED, code, "as the guard has it", "", {})
+    hangs = Trip("controller_failed", "mine.fmu hangs")
+    sentence = _explained(ended, cast(CameraEyes, None), hangs).sentence
+    assert sentence == ("as the guard has it (mine.fmu hangs)" if is_told else "as the guard has it")
 
 
 def test_a_head_that_cannot_be_closed_is_none():

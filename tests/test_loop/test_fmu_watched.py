@@ -4,6 +4,7 @@ import json
 import math
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -23,8 +24,9 @@ from bender_loop.control.plant import restart
 from bender_loop.control.references import Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.controller import FmuController
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.fmu.process.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedController, WatchedPlant
 from bender_loop.records.drive import drive
 from bender_tuner.model.scaled_plant import ScaledPlant
 
@@ -125,6 +127,42 @@ def test_a_late_crash_is_one_sentence_and_stays_said(tmp_path, hostile, how):
                 call()
             assert str(again.value) == str(first.value)
     assert "\n" not in str(first.value)
+
+
+@needs_compiler
+def test_a_controller_gives_the_same_commands_as_in_this_process(tmp_path):
+    fmu = foreign_fmu(tmp_path / "controller.fmu", controller=True, input_unit="m", output_unit="V", gain=1e6)
+    with FmuController(fmu, 0.05) as here, WatchedController(fmu, 0.05) as there:
+        for k in range(20):
+            told = (10.0 + k, 0.3 * k, 0.02 + 0.001 * k)
+            assert here.step(*told) == there.step(*told) > 0.0
+    with pytest.raises(InputError, match="setpoint"):
+        WatchedController(foreign_fmu(tmp_path / "plant.fmu"), 0.05)
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("hostile", "how"),
+    [
+        ("crash", "broke off with SIGSEGV after 5 steps"),
+        ("leave", "broke off with exit status 0"),
+        ("close", "broke off with"),
+        ("hang", "no end within 0.5 s, after 5 steps; the FMU hangs"),
+        ("nan", "the command is nan V"),
+    ],
+)
+def test_a_controller_that_takes_its_process_along_is_one_sentence(tmp_path, hostile, how):
+    fmu = foreign_fmu(
+        tmp_path / "late.fmu", controller=True, input_unit="m", output_unit="V", gain=1e6, hostile=hostile, after=5
+    )
+    with WatchedController(fmu, 0.05, patience_s=0.5) as controller:
+        commands = [controller.step(10.0, 0.0, 0.05) for _ in range(5)]
+        assert len(commands) == 5
+        with pytest.raises(RunError, match=re.escape(how)) as error:
+            controller.step(10.0, 0.0, 0.05)
+        assert "late.fmu" in str(error.value)
+        assert "\n" not in str(error.value)
 
 
 @needs_compiler

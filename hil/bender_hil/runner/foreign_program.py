@@ -1,6 +1,8 @@
 """A run with anybody's controller: an FMU that takes set-point and measurement and gives the command.
 
-It runs in the controller's process; the guard owns the supply and ends the run when the FMU crashes, hangs or errs.
+It runs in a process of its own: one that crashes, hangs or errs ends the run, which goes on to say how it ended, and
+the guard, which owns the supply, need not wait for that. It has the priority of any ordinary process, so that one that
+computes for ever holds up nobody.
 """
 
 import contextlib
@@ -19,7 +21,10 @@ from bender_hil.runner.run_folder import CONTROLLER
 from bender_loop.control.pid import Limits
 from bender_loop.control.references import Reference
 from bender_loop.errors import InputError
-from bender_loop.fmu.controller import FmuController
+from bender_loop.fmu.process.watched import WatchedController
+
+PATIENCE_S = 1.0
+"""For a step; the guard ends a run whose controller is silent for less."""
 
 
 @dataclass(slots=True)
@@ -37,7 +42,7 @@ class ForeignLoop:
     """
 
     reference: Reference
-    controller: FmuController
+    controller: WatchedController
     limits: Limits
     slew_V_per_s: float
     period_s: float
@@ -86,7 +91,7 @@ def foreign_loop(plain: ClosedLoop, path: Path, frames_per_s: float) -> Iterator
         RunError: it fails to start.
     """
     period_s = 1.0 / frames_per_s
-    with FmuController(path, period_s) as controller:
+    with WatchedController(path, period_s, patience_s=PATIENCE_S) as controller:
         start_V = min(max(0.0, plain.limits.lower_V), plain.limits.upper_V)
         yield ForeignLoop(
             plain.reference, controller, plain.limits, plain.slew_V_per_s, period_s, plain.duration_s, start_V
@@ -104,7 +109,7 @@ def foreign_commands_again(program: dict[str, Any], ticks: list[dict[str, Any]],
         raise InputError(f"{path}: missing, expected the controller of the run")
     limits = Limits(**program["limits"])
     commands = []
-    with FmuController(path, program["period_s"]) as controller:
+    with WatchedController(path, program["period_s"]) as controller:
         start_V = min(max(0.0, limits.lower_V), limits.upper_V)
         loop = ForeignLoop(
             _LoggedReference(), controller, limits, program["slew_V_per_s"], program["period_s"], 1.0, start_V

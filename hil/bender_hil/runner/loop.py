@@ -11,8 +11,11 @@ from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.program import Decision, HearsWhenItActs, Program
 from bender_hil.runner.tip_camera import Eyes, Sight
+from bender_loop.errors import RunError
 
 _PATIENCE_S = 0.02
+CONTROLLER_FAILED = "controller_failed"
+"""The code of a run whose programme could not say what to do."""
 
 Witness = Callable[[Sight], None]
 
@@ -141,7 +144,10 @@ class ControlLoop:
         return LoopEnd(self._ticks, None)
 
     def _tick(self, sight: Sight, time_s: float, dt_s: float) -> Trip | None:
-        decision = self._program.decide(time_s, dt_s, sight.tip_um)
+        try:
+            decision = self._program.decide(time_s, dt_s, sight.tip_um)
+        except RunError as error:
+            return Trip(CONTROLLER_FAILED, str(error))
         self._guard.command(self._ticks, decision.voltage_V, sight.grabbed_s, sight.tip_um)
         sent_s = time.perf_counter()
         if self._hears is not None:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from bender_hil.bench_file import BenchFile
 from bender_hil.emulated import EmulatedBench
+from bender_hil.guard.rules import Trip
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import Ended
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
@@ -25,7 +26,7 @@ from bender_hil.runner import steadiness
 from bender_hil.runner.buffered import Buffered, BufferedLoop, can_record
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
-from bender_hil.runner.loop import ControlLoop, LoopSettings, Witness
+from bender_hil.runner.loop import CONTROLLER_FAILED, ControlLoop, LoopSettings, Witness
 from bender_hil.runner.oscillation import OscillationWatch, ranges_of
 from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck, NoiseCheck
 from bender_hil.runner.program import KeepsFiles, Program
@@ -44,6 +45,7 @@ EMULATED_DELAY_S = 0.002
 
 
 _WITHOUT_READINGS = ("frame_age", "camera_stalled")
+_WITHOUT_COMMANDS = ("heartbeat", "frame_age")
 _STALL_S = 0.5
 """Beyond the age of a frame, for samples that come in blocks."""
 
@@ -84,6 +86,13 @@ class RunResult:
     log: RunLog
     signal: str | None = None
     unwritten: tuple[str, ...] = ()
+
+
+class _Looped(NamedTuple):
+    """How the loop ended: why the run failed before it began, and the reason that the controller gave."""
+
+    failure: RunError | None = None
+    trip: Trip | None = None
 
 
 def run(
@@ -176,8 +185,8 @@ def run(
         ring = FrameRing()
         loop = _loop(bench, program, eyes, guard, journal, ring, witness, heard)
         begin = partial(started, emulated) if started is not None else None
-        failure = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
-        ended = _explained(guard.wait(), eyes)
+        looped = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
+        ended = _explained(guard.wait(), eyes, looped.trip)
         if stop is not None and not ended.alarm:
             # over an output that may be on, the button goes on asking, and says what to press when nobody answers
             stop.armed(None)
@@ -199,8 +208,8 @@ def run(
             journal.sync()
         except JournalError as error:
             unwritten.append(f"{out / RUN}: its end is missing ({error.strerror})")
-    if failure is not None:
-        raise _with_alarm(failure, ended)
+    if looped.failure is not None:
+        raise _with_alarm(looped.failure, ended)
     return _result(out, ended, heard.signal, emulated is not None, unwritten)
 
 
@@ -251,8 +260,8 @@ def _looped(
     journal: Journal,
     zero_frames: int,
     begin: Callable[[], None] | None,
-) -> RunError | None:
-    """Rest position, then the loop; whatever happens in it, the guard is told to come down. Returns why it failed."""
+) -> _Looped:
+    """Rest position, then the loop; whatever happens in it, the guard is told to come down."""
     with _quiet_memory():
         try:
             journal.write("ready", **{key: value for key, value in guard.ready.items() if key != "say"})
@@ -260,29 +269,37 @@ def _looped(
             journal.write("rest", noise_um=getattr(eyes, "noise_um", None), readings=zero_frames)
             if begin is not None:
                 begin()
-            loop.run(zeroed_s)
+            trip = loop.run(zeroed_s).trip
         except RunError as error:
             guard.trip("no_tip", str(error))
-            return error
+            return _Looped(failure=error)
         except JournalError as error:
             guard.trip("journal", f"the run's journal cannot be written ({error.strerror})")
-            return None
+            return _Looped()
         except ClosedError:
             # the guard has gone; waiting for its end finds that out too, and replaces it
-            return None
+            return _Looped()
         except BaseException as error:
             sentence = f"{type(error).__name__}: {error}"
-            guard.trip("controller_failed", sentence)
+            guard.trip(CONTROLLER_FAILED, sentence)
             ended = guard.wait()
             if ended.alarm or isinstance(error, Exception):
                 raise _with_alarm(RunError(f"a fault in the controller: {sentence}"), ended) from error
             raise
         guard.stop()
-    return None
+    return _Looped(trip=trip)
 
 
-def _explained(ended: Ended, eyes: CameraEyes | SensorEyes) -> Ended:
-    """An end for want of readings with what the sensor itself raised: the guard sees only that they are missing."""
+def _explained(ended: Ended, eyes: CameraEyes | SensorEyes, trip: Trip | None = None) -> Ended:
+    """An end with what lies behind it: the guard sees only that readings are missing, or that the controller is silent.
+
+    Args:
+        ended: as the guard has it.
+        eyes: of the run; a sensor says what it raised itself.
+        trip: that the loop ended with.
+    """
+    if trip is not None and trip.code == CONTROLLER_FAILED and ended.code in _WITHOUT_COMMANDS:
+        return ended._replace(sentence=f"{ended.sentence} ({trip.sentence})")
     why = eyes.trouble() if isinstance(eyes, SensorEyes) and ended.code in _WITHOUT_READINGS else ""
     return ended._replace(sentence=f"{ended.sentence} ({why})") if why else ended
 

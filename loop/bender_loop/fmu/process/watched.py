@@ -19,7 +19,17 @@ from bender_loop.fmu.check.explanations import explained_failure
 from bender_loop.fmu.check.findings import one_line
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.ports import Port
-from bender_loop.fmu.process.worker import SAID, STEPS, STOP, StoppedError, Task, mapped_board, serve
+from bender_loop.fmu.process.worker import (
+    SAID,
+    STEPS,
+    STOP,
+    CountedController,
+    CountedPlant,
+    StoppedError,
+    Task,
+    mapped_board,
+    serve,
+)
 from bender_loop.records.further import Array, Further
 from bender_loop.shell.closed_at_exit import ClosedAtExit
 from bender_loop.tables.quantities import USUAL, Quantities
@@ -34,42 +44,33 @@ _ENDING_S = 5.0
 _SHOWN = 200
 
 
-class WatchedPlant(ClosedAtExit):
-    """`FmuPlant` with the FMU in another process; the same results, bit for bit.
+class WatchedFmu(ClosedAtExit):
+    """An FMU in another process, which is asked, and lost when it crashes or hangs.
 
-    A step there and back takes longer than one in this process, so whole runs are done there (see `at_the_plant`).
     Once the process is lost, every further call raises what it was lost by.
 
     Args:
         path: the FMU file.
-        input_name: as in `FmuPlant`, like the other options.
-        output_name: as in `FmuPlant`.
+        make: what the FMU becomes in its process.
+        options: of that.
         interrupted: whether the user wants an end; asked while the FMU runs, which then stops after its step, or is
             ended after `GRACE_S`.
         tell: is told how many steps are done, several times a second, while the FMU runs.
         patience_s: a step that takes longer hangs; a start may take `PATIENCE_S` at least.
-        quantities: as in `FmuPlant`.
-
-    Attributes:
-        path: the FMU file.
-        input: the variable that takes the voltage.
-        output: the variable that is read.
 
     Raises:
-        InputError: as `FmuPlant` raises it.
+        InputError: the FMU will not do.
         RunError: the FMU fails to start, crashes or hangs.
     """
 
     def __init__(
         self,
         path: Path | str,
-        *,
-        input_name: str | None = None,
-        output_name: str | None = None,
+        make: Callable[[Task, memoryview], CountedPlant | CountedController],
+        options: dict[str, Any],
         interrupted: Callable[[], bool] = lambda: False,
         tell: Callable[[int], None] = lambda _: None,
         patience_s: float = PATIENCE_S,
-        quantities: Quantities = USUAL,
     ) -> None:
         self.path = Path(path)
         self._interrupted, self._tell, self._patience_s = interrupted, tell, patience_s
@@ -79,64 +80,18 @@ class WatchedPlant(ClosedAtExit):
         self._board = mapped_board(self._folder / "board")
         self._lost: str | None = None
         self._idle = False
-        options = {"input_name": input_name, "output_name": output_name, "quantities": quantities}
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
-        task = Task(self.path, options, self._folder, os.getpid())
+        task = Task(self.path, make, options, self._folder, os.getpid())
         self._process = context.Process(target=serve, args=(theirs, task), daemon=True)
         try:
             with _signals_held_back(), _children_allowed(), _main_left_alone():
                 self._process.start()
             theirs.close()
-            ports: tuple[Port, Port] = self._answer("loading and initialising", max(patience_s, PATIENCE_S))
+            self._answer("loading and initialising", max(patience_s, PATIENCE_S))
         except BaseException:
             self.close()
             raise
-        self.input, self.output = ports
-
-    def set_parameters(self, parameters: Mapping[str, float], /) -> None:
-        """Set parameters from the next reset on; raises what `FmuPlant.set_parameters` raises."""
-        self._ask("set_parameters", (dict(parameters),))
-
-    def with_parameters(self, parameters: Mapping[str, float]) -> Self:
-        """Return this plant with parameters set; where it refuses them, its process is ended first."""
-        try:
-            if parameters:
-                self.set_parameters(parameters)
-                self.reset()
-        except BaseException:
-            self.close()
-            raise
-        return self
-
-    def follow(self, time_s: Array, further: Sequence[Further]) -> None:
-        """Let further inputs follow a record; raises what `FmuPlant.follow` raises."""
-        self._ask("follow", (time_s, tuple(further)))
-
-    def begin_at(self, time_s: float) -> None:
-        """Set the time of the record at which the next reset begins."""
-        self._ask("begin_at", (time_s,))
-
-    def reset(self) -> None:
-        """Back to rest; raises what `FmuPlant.reset` raises."""
-        self._ask("reset")
-
-    def read(self) -> float:
-        """The displacement in um now."""
-        return self._ask("read")
-
-    def step(self, voltage_V: float, step_s: float) -> float:
-        """Advance by `step_s`; returns displacement_um and raises what `FmuPlant.step` raises."""
-        return self._ask("step", (voltage_V, step_s))
-
-    def run_there(self, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
-        """Return `function(plant, *args, **kwargs)`, run in the FMU's process.
-
-        Raises:
-            RunError: the FMU failed, crashed, hung or was stopped.
-            Exception: InputError and ValueError as the function raises them.
-        """
-        return self._ask(function, args, kwargs)
 
     def close(self) -> None:
         """End the process and remove its files; a second call does nothing."""
@@ -219,6 +174,110 @@ class WatchedPlant(ClosedAtExit):
         if self._process.is_alive():
             self._process.kill()
         self._process.join(_ENDING_S)
+
+
+class WatchedPlant(WatchedFmu):
+    """`FmuPlant` with the FMU in another process; the same results, bit for bit.
+
+    A step there and back takes longer than one in this process, so whole runs are done there (see `at_the_plant`).
+
+    Args:
+        path: the FMU file.
+        input_name: as in `FmuPlant`, like the other options.
+        output_name: as in `FmuPlant`.
+        interrupted: as in `WatchedFmu`, like `tell` and `patience_s`.
+        quantities: as in `FmuPlant`.
+
+    Attributes:
+        path: the FMU file.
+        input: the variable that takes the voltage.
+        output: the variable that is read.
+
+    Raises:
+        InputError: as `FmuPlant` raises it.
+        RunError: the FMU fails to start, crashes or hangs.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        input_name: str | None = None,
+        output_name: str | None = None,
+        interrupted: Callable[[], bool] = lambda: False,
+        tell: Callable[[int], None] = lambda _: None,
+        patience_s: float = PATIENCE_S,
+        quantities: Quantities = USUAL,
+    ) -> None:
+        options = {"input_name": input_name, "output_name": output_name, "quantities": quantities}
+        super().__init__(path, CountedPlant, options, interrupted, tell, patience_s)
+        ports: tuple[Port, Port] = self._ask("ports")
+        self.input, self.output = ports
+
+    def set_parameters(self, parameters: Mapping[str, float], /) -> None:
+        """Set parameters from the next reset on; raises what `FmuPlant.set_parameters` raises."""
+        self._ask("set_parameters", (dict(parameters),))
+
+    def with_parameters(self, parameters: Mapping[str, float]) -> Self:
+        """Return this plant with parameters set; where it refuses them, its process is ended first."""
+        try:
+            if parameters:
+                self.set_parameters(parameters)
+                self.reset()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def follow(self, time_s: Array, further: Sequence[Further]) -> None:
+        """Let further inputs follow a record; raises what `FmuPlant.follow` raises."""
+        self._ask("follow", (time_s, tuple(further)))
+
+    def begin_at(self, time_s: float) -> None:
+        """Set the time of the record at which the next reset begins."""
+        self._ask("begin_at", (time_s,))
+
+    def reset(self) -> None:
+        """Back to rest; raises what `FmuPlant.reset` raises."""
+        self._ask("reset")
+
+    def read(self) -> float:
+        """The displacement in um now."""
+        return self._ask("read")
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        """Advance by `step_s`; returns displacement_um and raises what `FmuPlant.step` raises."""
+        return self._ask("step", (voltage_V, step_s))
+
+    def run_there(self, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+        """Return `function(plant, *args, **kwargs)`, run in the FMU's process.
+
+        Raises:
+            RunError: the FMU failed, crashed, hung or was stopped.
+            Exception: InputError and ValueError as the function raises them.
+        """
+        return self._ask(function, args, kwargs)
+
+
+class WatchedController(WatchedFmu):
+    """`FmuController` with the FMU in another process; the same commands, bit for bit.
+
+    Args:
+        path: the FMU file.
+        period_s: as in `FmuController`.
+        patience_s: a step that takes longer hangs.
+
+    Raises:
+        InputError: as `FmuController` raises it.
+        RunError: the FMU fails to start, crashes or hangs.
+    """
+
+    def __init__(self, path: Path | str, period_s: float, *, patience_s: float = PATIENCE_S) -> None:
+        super().__init__(path, CountedController, {"period_s": period_s}, patience_s=patience_s)
+
+    def step(self, setpoint_um: float, measurement_um: float, dt_s: float) -> float:
+        """Take one sample; returns the command in V and raises what `FmuController.step` raises."""
+        return self._ask("step", (setpoint_um, measurement_um, dt_s))
 
 
 def _signal_name(number: int) -> str:

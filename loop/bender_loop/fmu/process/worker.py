@@ -8,6 +8,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -15,7 +16,9 @@ from typing import Any
 
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.archive.bounds import MOST_BYTES
+from bender_loop.fmu.controller import FmuController
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.ports import Port
 
 STEPS, STOP = 0, 1
 """Places on the board that both processes see: steps that were finished, and whether to stop before the next."""
@@ -35,23 +38,29 @@ class Task:
 
     Attributes:
         path: the FMU.
-        options: of `FmuPlant`.
+        make: what it becomes there: `CountedPlant` or `CountedController`.
+        options: of that.
         folder: all its files lie there: the board, what it says, the unpacked FMU.
         parent: number of the process in front.
     """
 
     path: Path
+    make: "Callable[[Task, memoryview], CountedPlant | CountedController]"
     options: dict[str, Any]
     folder: Path
     parent: int
 
 
-class _CountedPlant(FmuPlant):
+class CountedPlant(FmuPlant):
     """An FMU whose steps are counted on the board, and that stops there when it is told to."""
 
     def __init__(self, task: Task, board: memoryview) -> None:
         self._board = board
         super().__init__(task.path, **task.options)
+
+    def ports(self) -> tuple[Port, Port]:
+        """Return what takes the voltage and what is read."""
+        return self.input, self.output
 
     def step(self, voltage_V: float, step_s: float) -> float:
         """Advance, unless an end is asked for."""
@@ -60,6 +69,20 @@ class _CountedPlant(FmuPlant):
         reading_um = super().step(voltage_V, step_s)
         self._board[STEPS] += 1
         return reading_um
+
+
+class CountedController(FmuController):
+    """A controller FMU whose steps are counted on the board."""
+
+    def __init__(self, task: Task, board: memoryview) -> None:
+        self._board = board
+        super().__init__(task.path, **task.options)
+
+    def step(self, setpoint_um: float, measurement_um: float, dt_s: float) -> float:
+        """Take one sample."""
+        command_V = super().step(setpoint_um, measurement_um, dt_s)
+        self._board[STEPS] += 1
+        return command_V
 
 
 def serve(connection: Connection, task: Task) -> None:
@@ -79,15 +102,15 @@ def _serve(connection: Connection, task: Task) -> None:
     with (task.folder / "board").open("r+b") as file:
         board = _mapped(file.fileno())
     try:
-        plant = _CountedPlant(task, board)
+        fmu = task.make(task, board)
     except Exception as error:
         connection.send((False, _portable(error)))
         return
-    with plant:
-        connection.send((True, (plant.input, plant.output)))
+    with fmu:
+        connection.send((True, None))
         with contextlib.suppress(EOFError, OSError):
             while True:
-                connection.send(_answer(plant, *connection.recv()))
+                connection.send(_answer(fmu, *connection.recv()))
 
 
 def mapped_board(path: Path) -> memoryview:
@@ -103,11 +126,11 @@ def _mapped(descriptor: int) -> memoryview:
     return memoryview(mmap.mmap(descriptor, BOARD_BYTES)).cast("Q")
 
 
-def _answer(plant: FmuPlant, function: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[bool, Any]:
-    """Call a method of the plant by its name, or a function with the plant in front of its arguments."""
+def _answer(fmu: object, function: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[bool, Any]:
+    """Call a method of the FMU by its name, or a function with the FMU in front of its arguments."""
     try:
-        call = getattr(plant, function) if isinstance(function, str) else function
-        return True, call(*(() if isinstance(function, str) else (plant,)), *args, **kwargs)
+        call = getattr(fmu, function) if isinstance(function, str) else function
+        return True, call(*(() if isinstance(function, str) else (fmu,)), *args, **kwargs)
     except Exception as error:
         return False, _portable(error)
 
