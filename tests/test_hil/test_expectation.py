@@ -177,6 +177,23 @@ def test_a_slow_sensor_is_watched_for_longer_and_one_that_gives_nothing_is_refus
     assert eyes.now_s < 1.6
 
 
+@given(held_up_s=st.floats(0.3, 9.0), fewest=st.sampled_from([0, 15]))
+def test_a_hold_up_in_the_first_turn_is_waited_out(held_up_s: float, fewest: int):
+    eyes = PlannedEyes([held_up_s + k / 30.0 for k in range(400)])
+    look = eyes.look
+
+    def held_up(timeout_s: float) -> Sight | None:
+        if eyes.now_s == 0.0:
+            eyes.now_s = held_up_s
+            return None
+        return look(timeout_s)
+
+    eyes.look = held_up
+    seen = watched_at_rest(eyes, fewest, clock=eyes.clock)
+    assert seen.usual_silence_s == pytest.approx(0.0167, abs=0.01)
+    assert seen.largest_silence_s <= 0.026
+
+
 def test_on_a_calm_machine_the_limits_are_the_defaults():
     assert steadied(FOLLOWING, CALM).guard == GuardSettings()
     assert limits_sentence(CALM, GuardSettings()) == (

@@ -81,7 +81,10 @@ def watched_at_rest(eyes: Eyes, fewest: int = FEWEST, *, clock: Callable[[], flo
     start_s = before_s = clock()
     newest_s: float | None = None
     seen = 0
-    while (passed_s := before_s - start_s) < WATCHED_S or (len(ages_s) < fewest and passed_s < LONGEST_S):
+    # a machine that is held up in the first turn has shown nothing of the others, however much time has passed
+    while (passed_s := before_s - start_s) < WATCHED_S or (
+        (len(ages_s) < fewest or len(silences_s) < FEWEST) and (passed_s < LONGEST_S or not silences_s)
+    ):
         sight = eyes.look(_PATIENCE_S)
         now_s = clock()
         if passed_s > _OPENING_S:
