@@ -16,6 +16,7 @@ from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
 from few import few, few_rows
 
 from bender_emulator.start import EmulatedSupply
+from bender_hil.guard import spares
 from bender_hil.guard import start as module
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
@@ -96,6 +97,16 @@ def test_the_first_spare_that_says_so_has_made_safe(scripted: Callable[..., list
     assert (ended.status, ended.code, ended.alarm) == (Status.TRIPPED, "guard_gone", "")
     assert guard.wait() is ended
     assert len(started) == 2
+
+
+def test_the_last_spare_is_given_up_late(scripted: Callable[..., list], monkeypatch: pytest.MonkeyPatch):
+    # a machine too busy for the first ones: each would have called, had it been left alone
+    monkeypatch.setattr(spares, "_CALLS_S", (0.01, 0.01, 20.0))
+    processes = scripted([(0.0, READY)], [(0.0, OFF), (0.0, END)])
+    guard = GuardProcess(SETTINGS)
+    ended = guard.wait()
+    assert (ended.status, ended.alarm) == (Status.TRIPPED, "")
+    assert len(processes) == 4
 
 
 @pytest.mark.parametrize("confirmed", few([False, None, 1, "true"], 0, 3))

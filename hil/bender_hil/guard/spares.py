@@ -24,9 +24,11 @@ SILENCE_S = 1.0
 ANSWER_S = 0.05
 _GRACE_S = 0.3
 """Beyond its own deadline, for a guard to say that it has kept it."""
-_SPARES = 3
-_CALL_S = 4.0
-"""So many spare guards are started, one after the other, and each has so long to switch off and call."""
+_CALLS_S = (4.0, 4.0, 30.0)
+"""So many spare guards are started, one after the other, and each has so long to switch off and call.
+
+The last one is given up late: on a machine that is too busy for the others, giving up early would leave the output on.
+"""
 
 StartGuard = Callable[[GuardOrders], "subprocess.Popen[str]"]
 
@@ -106,9 +108,9 @@ class WayDown:
         """
         journal = str(Path(orders.journal).with_name("rescue.jsonl"))
         message = None
-        for _ in range(_SPARES):
+        for call_s in _CALLS_S:
             self._is_off = False
-            message = self._spare(replace(orders, make_safe=True, journal=journal))
+            message = self._spare(replace(orders, make_safe=True, journal=journal), call_s)
             if message is not None:
                 break
         self.is_lost = message is None
@@ -129,13 +131,13 @@ class WayDown:
         if not self._is_off and self.alarmed_s is None and now_s > self.due_s + _GRACE_S:
             self.shout(f"{UNKNOWN}; it is still being tried to switch it off")
 
-    def _spare(self, orders: GuardOrders) -> Message | None:
-        """What a spare guard says at its end; None when it was lost too."""
+    def _spare(self, orders: GuardOrders, call_s: float) -> Message | None:
+        """What a spare guard says at its end; None when it was lost too, or has not called in time."""
         process = listener = None
         try:
             listener = Listener()
             process = self._start(replace(orders, port=listener.port, password=listener.password))
-            channel = self._spare_channel(listener, process)
+            channel = self._spare_channel(listener, process, call_s)
             if channel is None:
                 return None
             with channel:
@@ -153,9 +155,9 @@ class WayDown:
             if process is not None:
                 finish(process)
 
-    def _spare_channel(self, listener: Listener, process: "subprocess.Popen[str]") -> Channel | None:
+    def _spare_channel(self, listener: Listener, process: "subprocess.Popen[str]", call_s: float) -> Channel | None:
         """The channel to a spare guard, which switches off before it calls; None when it does not call."""
-        end_s = time.perf_counter() + _CALL_S
+        end_s = time.perf_counter() + call_s
         while process.poll() is None and time.perf_counter() < end_s:
             with contextlib.suppress(ClosedError):
                 return listener.accept(ANSWER_S)
