@@ -216,3 +216,21 @@ def test_a_lock_is_never_written_where_somebody_else_may_have_laid_a_link(
         assert str(tmp_path / "one") in second
     assert victim.read_text() == "precious"
     assert trap.startswith("link") or list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("TCPIP::192.168.1.7::5025::SOCKET", "tcpip0::192.168.1.7::5025::socket"),
+        ("USB0::0x1AB1::0x0E11::DP8::INSTR", "usb::0x1ab1::0x0e11::dp8::instr"),
+        ("ASRL7::INSTR", " asrl7::INSTR"),
+    ],
+)
+def test_two_spellings_of_an_address_are_one_supply(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one: str, other: str
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with sole_run(one, Path("a")), pytest.raises(InputError, match="another run drives"), sole_run(other, Path("b")):
+        pass
+    with sole_run("TCPIP1::192.168.1.7::5025::SOCKET", Path("a")), sole_run("TCPIP::192.168.1.7::5025::SOCKET", Path()):
+        pass

@@ -11,6 +11,7 @@ import contextlib
 import getpass
 import hashlib
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
@@ -40,7 +41,7 @@ def sole_run(resource: str | None, out: Path) -> Iterator[str | None]:
     """
     with contextlib.ExitStack() as ends:
         if resource is not None:
-            name = hashlib.sha256(resource.encode("utf-8", "surrogateescape")).hexdigest()[:16]
+            name = hashlib.sha256(_canonical(resource).encode("utf-8", "surrogateescape")).hexdigest()[:16]
             who = _take(ends, f"supply-{name}", out)
             if who is not None:
                 raise InputError(f"{resource}: another run drives this source ({who}); wait for its end, or stop it")
@@ -58,6 +59,11 @@ def sole_run_with_note(resource: str | None, out: Path, tell: Callable[[str], No
         if other is not None:
             tell(f"note: another run is active on this machine ({other}); both may run late")
         yield
+
+
+def _canonical(resource: str) -> str:
+    """Return a VISA address as any other spelling of it: capitals do not count, nor a 0 for the first board."""
+    return re.sub(r"^(TCPIP|USB|GPIB|PXI|VXI)0?::", r"\1::", resource.strip().upper())
 
 
 def _take(ends: contextlib.ExitStack, name: str, out: Path) -> str | None:
