@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -136,3 +137,29 @@ entry()
     done = subprocess.run([sys.executable, "-P", "-c", code], preexec_fn=close, stderr=subprocess.PIPE, check=False)
     assert done.returncode == 3
     assert (UNKNOWN in done.stderr.decode()) == (2 not in closed)
+
+
+@pytest.mark.parametrize("error", [SystemExit(), SystemExit(0), GeneratorExit(), MemoryError(), ValueError("?")])
+def test_a_loop_that_is_left_by_any_way_is_a_run_that_failed(error: BaseException):
+    told: list[str] = []
+
+    class Loop:
+        def run(self, zeroed_s: float) -> None:
+            raise error
+
+    guard = SimpleNamespace(ready={}, trip=lambda code, _: told.append(code), wait=lambda: OFF)
+    eyes = SimpleNamespace(zero=lambda _: 0.0, noise_um=0.0)
+    journal = SimpleNamespace(write=lambda *_, **__: None)
+    with pytest.raises(RunError, match=f"a fault in the controller: {type(error).__name__}"):
+        runner._looped(Loop(), eyes, guard, journal, 3, None)  # pyright: ignore[reportArgumentType]
+    assert told == ["controller_failed"]
+
+
+def test_an_interrupt_of_the_loop_stays_one():
+    def interrupt(_: int) -> float:
+        raise KeyboardInterrupt
+
+    guard = SimpleNamespace(ready={}, trip=lambda *_: None, wait=lambda: OFF)
+    nothing = SimpleNamespace(write=lambda *_, **__: None)
+    with pytest.raises(KeyboardInterrupt):
+        runner._looped(nothing, SimpleNamespace(zero=interrupt), guard, nothing, 3, None)  # pyright: ignore[reportArgumentType]

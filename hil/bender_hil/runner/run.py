@@ -283,7 +283,7 @@ def _looped(
             sentence = f"{type(error).__name__}: {error}"
             guard.trip(CONTROLLER_FAILED, sentence)
             ended = guard.wait()
-            if ended.alarm or isinstance(error, Exception):
+            if ended.alarm or not isinstance(error, KeyboardInterrupt):
                 raise _with_alarm(RunError(f"a fault in the controller: {sentence}"), ended) from error
             raise
         guard.stop()
