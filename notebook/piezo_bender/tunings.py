@@ -116,7 +116,14 @@ class TuningResult:
 
         x = self.session
         text = tuning_document(
-            x.problem, self.fmu, x.searches, x.contenders, x.rule, status=x.ended.value, reason=x.reason
+            x.problem,
+            self.fmu,
+            x.searches,
+            x.contenders,
+            x.rule,
+            status=x.ended.value,
+            reason=x.reason,
+            model_following=x.recommendation,
         )
         return json.loads(text)
 

@@ -208,11 +208,13 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--gain-error", type=_number, metavar="PERCENT",
-        help="the gain of the device may be off by so much either way; a model fitted to it knows better (default: 30)",
+        help="the gain of the device may be off by so much either way (default: gains hold for 30; whether a model is "
+        "followed is decided by what its diagnosis leaves open)",
     )  # fmt: skip
     parser.add_argument(
         "--late-frames", type=int, metavar="FRAMES",
-        help="a frame may come so many frames later than --latency says; 0 where one clock times the loop (default: 1)",
+        help="a frame may come so many frames later than --latency says; 0 where one clock times the loop (default: 1, "
+        "or as --gain-error)",
     )  # fmt: skip
     parser.add_argument(
         "--decades", type=_number, metavar="D",

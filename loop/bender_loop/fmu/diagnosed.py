@@ -1,14 +1,20 @@
 """What the diagnosis beside a corrected model says of it."""
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bender_loop.tables.quantities import MICROMETRE, VOLT
 
-DIAGNOSIS = "diagnosis.json"
+DIAGNOSIS, _DELAY = "diagnosis.json", "transport_delay"
+_SPREAD = math.sqrt(12.0)
+"""A motion that is spread evenly over its span has a standard deviation of this part of it."""
+_DEVIATIONS = 2.0
+LEAST_GAIN_ERROR_PERCENT = 5.0
+"""What the gain of a device changes by from one day to the next, whatever a record says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +37,13 @@ class RivalModel:
         return " + ".join(self.effects) or "no effect"
 
 
+class Known(NamedTuple):
+    """How far a device may be from its model: its gain in per cent, its dead time in s."""
+
+    gain_error_percent: float
+    delay_error_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnosed:
     """What a diagnosis says of the model that it left.
@@ -39,11 +52,13 @@ class Diagnosed:
         rms_um: residual of the model on held-out rows; 0 where it was not measured.
         units: of command and reading, in which that and the model's V and um are.
         rivals: what the records leave open beside the model.
+        known: how well the device is known by its records; None where they do not bound gain and dead time both.
     """
 
     rms_um: float = 0.0
     units: tuple[str, str] = (VOLT, MICROMETRE)
     rivals: tuple[RivalModel, ...] = ()
+    known: Known | None = None
 
     def with_fmus_of(self, fmu_of: Callable[[Path], Path]) -> "Diagnosed":
         """Return the same with FMUs that `fmu_of` makes of the files of the rivals."""
@@ -64,9 +79,39 @@ def diagnosed(model: Path | str | None) -> Diagnosed:
             return NOTHING
         units = str(told["input_unit"]), str(told["unit"])
         rivals = tuple(_rival(folder, x) for x in told.get("rival_models", ()))
-        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals)
+        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, _known(told))
     except (OSError, ValueError, LookupError, TypeError):
         return NOTHING
+
+
+def _known(told: dict[str, Any]) -> Known | None:
+    left, delay_s = told["gap"]["after"].get("nrmse_percent"), _delay_error_s(told)
+    if left is None or delay_s is None:
+        return None
+    return Known(max(_gain_error_percent(float(left), told), LEAST_GAIN_ERROR_PERCENT), delay_s)
+
+
+def _gain_error_percent(left_percent: float, told: dict[str, Any]) -> float:
+    """Return the error of the gain that would leave twice of what the model leaves on held-out rows, noise included.
+
+    What a wrong gain leaves of a motion is that part of it. A residual is what all numbers of the model are wrong by
+    together, which their own intervals are not. A gain that was recalibrated is known no better than its interval.
+    """
+    error = _DEVIATIONS * _SPREAD * left_percent
+    gain = told.get("recalibrated", {}).get("gain")
+    if gain and gain.get("std") and gain.get("after"):
+        error += _DEVIATIONS * 100.0 * abs(float(gain["std"]) / float(gain["after"]))
+    return error
+
+
+def _delay_error_s(told: dict[str, Any]) -> float | None:
+    """Return half the interval of a dead time that was found, or the shortest that would have been seen."""
+    for effect in told.get("effects", ()):
+        if effect["id"] == _DELAY:
+            low_s, high_s = effect["parameters"]["delay_s"]["interval_95"]
+            return 0.5 * (float(high_s) - float(low_s))
+    visible = told.get("smallest_visible", {}).get(_DELAY)
+    return None if not visible or visible["value"] is None else float(visible["value"])
 
 
 def _rival(folder: Path, told: dict[str, Any]) -> RivalModel:

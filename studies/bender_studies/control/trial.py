@@ -148,7 +148,10 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
         wrong = [x for x in trial.wrong_names if x not in (*case.effect_ids, *effects)]
         found["wrong"] = wrong[case.seed % len(wrong)]
         model = model.with_block(found["wrong"], **CATALOGUE[found["wrong"]].example)
-    session = tuned(model, case, folder / "tuned", trial.evaluations, diagnosed(file))
+    told = diagnosed(file)
+    if trial.wrong_names:  # what was put in is in no diagnosis
+        told = replace(told, known=None)
+    session = tuned(model, case, folder / "tuned", trial.evaluations, told)
     judgement = session.contenders[0].judgement
     found |= {
         "recommended": session.following is not None,

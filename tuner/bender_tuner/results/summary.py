@@ -14,6 +14,7 @@ from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.practitioner import PractitionerReport, Priorities
+from bender_tuner.task.recommendation import Recommendation
 from bender_tuner.task.settings import PAPER_METHOD, RULES, TuneSettings
 
 _HIDDEN_PERCENT = 5.0
@@ -21,6 +22,7 @@ _COUNTS = 0.05
 """A part of the controller below this share of the largest one moves the loop by about a twentieth of a radian."""
 _RISE = 2.2
 """Bandwidth in rad/s times rise time in s, of a first-order answer."""
+DECIDING = "method", "objective", "rms_um", "settle_s", "over_%", "bounds"
 COLUMNS: tuple[str, ...] = ("method", "objective", "rise_s", "settle_s", "over_%", "worst_Ms", "bounds")
 
 
@@ -62,6 +64,21 @@ def table_rows(contenders: Sequence[Contender]) -> tuple[list[str], list[list[Ce
     if with_monte_carlo:
         rows = [[*row, _unstable(contender)] for row, contender in zip(rows, contenders, strict=True)]
     return columns, rows
+
+
+def recommendation_rows(found: Recommendation) -> tuple[list[str], list[list[Cell]]]:
+    """(columns, rows) of what decides whether a model is followed: the PID block alone, with the model, the rules."""
+    return list(DECIDING), [
+        [
+            x.label,
+            _number(x.report.value),
+            _number(x.rms_um),
+            None if math.isnan(x.report.settling_time_s) else round(x.report.settling_time_s, 3),
+            round(x.report.overshoot_percent, 2) if math.isfinite(x.report.overshoot_percent) else "runs away",
+            "kept" if x.report.bounds_kept else "broken",
+        ]
+        for x in found.scores
+    ]
 
 
 def gain_lines(gains: Gains, rate_Hz: float) -> Iterator[str]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
+from bender_loop.fmu.diagnosed import Known
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.ports import DEFAULT_UNITS
@@ -23,9 +24,12 @@ from bender_tuner.rules.gain_forms import to_discrete, to_isa
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
+from bender_tuner.task.practitioner import PractitionerReport
 from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
+from bender_tuner.task.recommendation import Recommendation
 from bender_tuner.task.tuning import SearchResult
 
+_NOT_OF_THE_FILE = "parameters", "quantities", "model_rms_um", "known"
 _DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy")
 
 
@@ -41,6 +45,7 @@ class FmuFacts:
         quantities: of what is commanded and read.
         units: the units of both in sentences and pictures: "V" and "um", or those that the FMU declares.
         model_rms_um: its residual on held-out rows, from the diagnosis beside it; 0 without a diagnosis.
+        known: how well it bounds the device; None where it does not.
     """
 
     path: str
@@ -55,6 +60,7 @@ class FmuFacts:
     quantities: Quantities = USUAL
     units: tuple[str, str] = (VOLT, MICROMETRE)
     model_rms_um: float = 0.0
+    known: Known | None = None
 
 
 def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant, quantities: Quantities = USUAL) -> FmuFacts:
@@ -87,6 +93,7 @@ def tuning_document(
     *,
     status: str,
     reason: str,
+    model_following: Recommendation | None = None,
 ) -> str:
     """The whole file; a number that JSON has no word for is null."""
     contenders = list(contenders)
@@ -94,9 +101,7 @@ def tuning_document(
         "status": status,
         "reason": reason,
         "settings": asdict(problem.settings),
-        "fmu": {
-            key: value for key, value in asdict(fmu).items() if key not in ("parameters", "quantities", "model_rms_um")
-        },
+        "fmu": {key: value for key, value in asdict(fmu).items() if key not in _NOT_OF_THE_FILE},
         "versions": _versions(),
         "operating_point": asdict(problem.operating_point),
         "reduced_model": asdict(problem.reduced),
@@ -104,6 +109,7 @@ def tuning_document(
         "objective": {"name": problem.settings.objective, "unit": OBJECTIVE_UNITS[problem.settings.objective]},
         "best": _contender(contenders[0], problem),
         "others": [_contender(contender, problem) for contender in contenders[1:]],
+        "model_following": None if model_following is None else _recommendation(model_following),
         "ziegler_nichols": _rule(ziegler_nichols),
         "history": {run.method: _history(run) for run in searches},
     }
@@ -144,30 +150,59 @@ def _contender(contender: Contender, problem: TuningProblem) -> dict[str, Any]:
 
 
 def _judgement(judgement: Judgement) -> dict[str, Any]:
-    practitioner = judgement.practitioner
-    cases = [
-        {
-            "gain_factor": case.gain_factor,
-            "latency_frames": case.latency_frames,
-            "rival": case.rival,
-            "score": case.score,
-            "sensitivity_peak": case.sensitivity_peak,
-            "step": _step(case.metrics),
-        }
-        for case in practitioner.cases
-    ]
     return {
         "objective_value": judgement.value,
         "step": _step(judgement.metrics),
         "step_at_frames": _step(judgement.at_frames),
-        "bounds_kept": practitioner.bounds_kept,
-        "practitioner": {
-            "value": practitioner.value,
-            "tracking": practitioner.tracking,
-            "penalty": practitioner.penalty,
-            "cases": cases,
-        },
+        "bounds_kept": judgement.practitioner.bounds_kept,
+        "practitioner": _practitioner(judgement.practitioner),
         "robustness": judgement.robustness.to_dict(),
+    }
+
+
+def _practitioner(report: PractitionerReport) -> dict[str, Any]:
+    return {
+        "value": report.value,
+        "tracking": report.tracking,
+        "penalty": report.penalty,
+        "cases": [
+            {
+                "gain_factor": case.gain_factor,
+                "latency_frames": case.latency_frames,
+                "rival": case.rival,
+                "score": case.score,
+                "sensitivity_peak": case.sensitivity_peak,
+                "step": _step(case.metrics),
+            }
+            for case in report.cases
+        ],
+    }
+
+
+def _recommendation(found: Recommendation) -> dict[str, Any]:
+    """Whether a model is followed, with what decided it."""
+    models = [x.following.model for x in found.tried]
+    return {
+        "recommended": found.following is not None,
+        "sentence": found.sentence,
+        "judged_with": {
+            "gain_error_percent": found.device.gain_error_percent,
+            "late_frames": found.device.late_frames,
+            "by": "diagnosis" if found.device.by_diagnosis else "settings",
+        },
+        "scores": [
+            {"method": x.method, "label": x.label, "nominal_rms_um": x.rms_um, "bounds_kept": x.report.bounds_kept}
+            | _practitioner(x.report)
+            for x in found.scores
+        ],
+        "tried": {
+            "rate_um_per_s": [x.rate_um_per_s for x in models],
+            "curvature_um_per_s2": [x.curvature_um_per_s2 for x in models],
+            "horizon_ticks": [x.horizon_ticks for x in models],
+            "value": [x.value for x in found.tried],
+            "nominal_rms_um": [x.nominal_rms_um for x in found.tried],
+            "bounds_kept": [x.bounds_kept for x in found.tried],
+        },
     }
 
 

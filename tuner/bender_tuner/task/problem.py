@@ -133,6 +133,21 @@ def pose_problem(
     return problem_of(experiment, ensemble, settings, (*notes, *patience))
 
 
+def as_known(problem: TuningProblem, gain_error_percent: float, late_frames: int) -> PractitionerObjective:
+    """Return the practitioner's objective on a device, and its rivals, that is known so well.
+
+    Raises:
+        InputError: the setpoint is out of reach.
+        RunError: a plant failed.
+    """
+    settings = replace(problem.settings, gain_error_percent=gain_error_percent, late_frames=late_frames)
+    tell = partial(silent, "")
+    ensemble, _ = _spread(problem.experiment.plant, settings, tell)
+    for rival in problem.ensemble.rivals:
+        ensemble = ensemble.beside(_spread(rival.plant, settings, tell, rival.rival)[0])
+    return PractitionerObjective(problem.experiment, ensemble, problem.practitioner.priorities)
+
+
 def _spread(
     plant: Plant, settings: TuneSettings, tell: Callable[[int, int, str], None], rival: str = ""
 ) -> tuple[Ensemble, list[str]]:

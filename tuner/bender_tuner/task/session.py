@@ -1,7 +1,6 @@
 """One tuning from the FMU file to the files in the output directory."""
 
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -23,15 +22,22 @@ from bender_report.drawing import can_draw, no_pictures
 from bender_report.wording import relabelled, shown_in
 from bender_tuner.model.ensemble import Rival
 from bender_tuner.results.gains_file import write_gains
-from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, taken_units, task_lines
+from bender_tuner.results.summary import (
+    finding_lines,
+    gain_lines,
+    recommendation_rows,
+    table_rows,
+    taken_units,
+    task_lines,
+)
 from bender_tuner.results.tuning_file import FmuFacts, fmu_facts, tuning_document
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender, judged, line_up
-from bender_tuner.task.following import TOLERANCE_SHARE, Following, Scored, candidates, choose
+from bender_tuner.task.following import TOLERANCE_SHARE, Following
 from bender_tuner.task.interrupts import DeferredInterrupts, GuardedPlant
 from bender_tuner.task.judgement import monte_carlo, variation_of
-from bender_tuner.task.practitioner import PractitionerReport
 from bender_tuner.task.problem import Report, TuningProblem, pose_problem, silent
+from bender_tuner.task.recommendation import LABEL, METHOD, Recommendation, recommend
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended, SearchResult, search_in_growing_box, ziegler_nichols_rule
 
@@ -52,8 +58,7 @@ class Session:
         ended: how it all ended.
         reason: what failed, empty otherwise.
         partial: the gains are those of a search that was cut short, beside a complete result of an earlier run.
-        following: the model-following controller that is recommended with the gains, None where none is.
-        following_note: why it is, or is not; empty where nobody asked.
+        recommendation: whether a model is followed with the gains, and why; None where nobody asked.
     """
 
     settings: TuneSettings
@@ -64,8 +69,17 @@ class Session:
     ended: Ended = Ended.COMPLETE
     reason: str = ""
     partial: bool = False
-    following: Following | None = None
-    following_note: str = ""
+    recommendation: Recommendation | None = None
+
+    @property
+    def following(self) -> Following | None:
+        """The model-following controller that is recommended with the gains, None where none is."""
+        return None if self.recommendation is None else self.recommendation.following
+
+    @property
+    def following_note(self) -> str:
+        """Why a model is followed, or is not; empty where nobody asked."""
+        return "" if self.recommendation is None else self.recommendation.sentence
 
     @property
     def is_fit(self) -> bool:
@@ -242,7 +256,11 @@ def open_guarded(
             fmu.reset()
         facts = fmu_facts(path, fmu, quantities)
         units = found.units if facts.units == NOTHING.units else facts.units
-        yield GuardedPlant(fmu, interrupts), replace(facts, start_values=values, units=units, model_rms_um=found.rms_um)
+        told = replace(facts, start_values=values, units=units)
+        yield (
+            GuardedPlant(fmu, interrupts),
+            replace(told, model_rms_um=found.rms_um, known=found.known),
+        )
 
 
 @contextmanager
@@ -345,14 +363,7 @@ def _refuse_unfit(session: Session) -> None:
 
 
 def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report) -> None:
-    """Tune shaper and horizon with the gains as they are, and recommend them where the plain loop is no better.
-
-    The feedforward is no part of the loop, so Ms and noise gain are those of the gains.
-    """
-    problem, tuned = session.problem, session.contenders[0]
-    gains = tuned.gains
-    if gains is None:
-        return
+    """Decide whether the model is followed with the gains, and put that among the contenders."""
     settings, path = session.settings, Path(facts.path)
     model = describe_model(
         plant,
@@ -364,54 +375,12 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         facts.start_values,
         facts.quantities,
     )
-    groups = candidates(
-        replace(model, fmu=MODEL, rms_um=facts.model_rms_um),
-        path,
-        settings.setpoint_um,
-        settings.sampling,
-        problem.reduced.lag_s,
-    )
-    alone = problem.practitioner.evaluate(gains)
-    plain, best = alone.value, None
-    scored: list[Scored] = []
-    for tried in groups:
-        for count, following in enumerate(tried, start=1):
-            found = problem.practitioner.evaluate(gains, following)
-            rms_um = math.sqrt(found.nominal.metrics.mse_um2)
-            kept = found.bounds_kept and problem.practitioner.keeps_overshoot(gains, following)
-            scored.append(Scored(following, found.value, rms_um, kept))
-            report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
-        best = choose(scored, plain)
-        if best is not None:
-            break
-    if best is None:
-        session.following_note = _why_not(scored, alone, settings)
-        return
-    session.following = best.following
-    session.following_note = (
-        f"model following: objective {best.value:.4g} against {plain:.4g} of the PID block alone, with the same gains"
-    )
-    contender = Contender("model_following", "model following", "following", gains, following=best.following)
-    session.contenders.insert(1, contender)
-
-
-def _why_not(scored: Sequence[Scored], alone: PractitionerReport, settings: TuneSettings) -> str:
-    """Return why no model is followed, and what would change that where the model is better on itself."""
-    kept = [x for x in scored if x.bounds_kept]
-    refusal = "model following is not recommended: "
-    if not kept:
-        return refusal + "no shaper and horizon keeps the bounds"
-    refusal += f"objective {min(x.value for x in kept):.4g} at best, {alone.value:.4g} of the PID block alone"
-    nearest_um, alone_um = min(x.nominal_rms_um for x in kept), math.sqrt(alone.nominal.metrics.mse_um2)
-    if nearest_um >= alone_um or len(alone.cases) == 1:
-        return refusal
-    late, error = settings.late_frames, settings.gain_error_percent
-    causes = [f"a gain that is off by {error:g} % (--gain-error)"] if error else []
-    causes += [f"a frame that comes {late} late (--late-frames; 0 where one clock times the loop)"] if late else []
-    return (
-        f"{refusal}; on the model itself it is nearer to the set-point, {nearest_um:.4g} against {alone_um:.4g} µm "
-        f"rms. It is judged with {' and '.join(causes)}: say so where the device is known better"
-    )
+    model = replace(model, fmu=MODEL, rms_um=facts.model_rms_um)
+    found = recommend(session.problem, session.contenders, model, path, facts.known, report)
+    session.recommendation = found
+    gains = session.contenders[0].gains
+    if found is not None and found.following is not None:
+        session.contenders.insert(1, Contender(METHOD, LABEL, "following", gains, following=found.following))
 
 
 def _objection(session: Session) -> str:
@@ -502,6 +471,7 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
         session.rule,
         status=session.ended.value,
         reason=session.reason,
+        model_following=session.recommendation,
     )
     write_atomically(session.place(out, TUNING), document)
     pictures = _pictures(session) if can_draw() else dict.fromkeys(PICTURES)
@@ -550,7 +520,9 @@ def _print_results(session: Session, written: list[Path]) -> None:
             session.contenders, session.problem.practitioner.priorities, session.rule, session.problem.notes
         ),
     )
-    _say(*([session.following_note] if session.following_note else []))
+    if session.recommendation is not None:
+        print_table("by what decides whether the model is followed", *recommendation_rows(session.recommendation))
+        _say(session.recommendation.sentence)
     _say(*([] if can_draw() else [no_pictures()]), f"written: {', '.join(map(str, written))}")
 
 

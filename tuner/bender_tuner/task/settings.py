@@ -31,6 +31,8 @@ GAIN_UNITS = {"kp": "V/µm", "ki": "V/(µm s)", "kd": "V s/µm"}
 """Gains that can have bounds, by their names on the command line, with their units."""
 _GAIN_SIZES = 1e-12, 1e12
 PAPER_METHOD = "bas_printed"
+GAIN_ERROR_PERCENT, LATE_FRAMES = 30.0, 1
+"""Of a device that nobody has measured against its model."""
 
 _CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
 _PAPER = {"rate_Hz": 100.0, "latency_frames": 0, "exposure_s": 0.0}
@@ -85,7 +87,10 @@ class TuneSettings:
         max_noise_gain_V_per_um: bound of the command's noise per noise of the reading, None for any.
         weights: of the practitioner's objective that are not the standard ones, (name of `WEIGHTS`, value) each.
         gain_error_percent: the gain of the device may be off by so much either way; gains are judged at both ends too.
-        late_frames: a frame may come later than planned by up to so many; gains are judged with that too.
+            None where nobody knows: gains then hold for `GAIN_ERROR_PERCENT`, and whether a model is followed is
+            decided by what its diagnosis leaves open.
+        late_frames: a frame may come later than planned by up to so many; gains are judged with that too. None as
+            above, for `LATE_FRAMES`.
         decades: the search box spans so many powers of ten below and above the first guess.
         gain_bounds: of gains that are searched between given bounds instead, (name of `GAIN_UNITS`, low, high) each.
 
@@ -113,8 +118,8 @@ class TuneSettings:
     max_overshoot_percent: float = 2.0
     settle_within_s: float | None = None
     max_noise_gain_V_per_um: float | None = None
-    gain_error_percent: float = 30.0
-    late_frames: int = 1
+    gain_error_percent: float | None = None
+    late_frames: int | None = None
     decades: float = 1.5
     weights: tuple[tuple[str, float], ...] = ()
     gain_bounds: tuple[tuple[str, float, float], ...] = ()
@@ -130,7 +135,8 @@ class TuneSettings:
         if not self.slew_V_per_s > 0.0:
             raise ValueError(f"slew must be > 0 V/s, found {self.slew_V_per_s!r}")
         for name, least in (("evaluations", 1), ("late_frames", 0), ("seed", 0), ("monte_carlo", 0)):
-            if getattr(self, name) < least:
+            value = getattr(self, name)
+            if value is not None and value < least:
                 raise ValueError(f"{name} must be >= {least}, found {getattr(self, name)!r}")
         if not (math.isfinite(self.lower_V) and math.isfinite(self.upper_V)):
             raise ValueError(f"voltage limits must be finite, found {self.lower_V!r} and {self.upper_V!r}")
@@ -180,7 +186,11 @@ class TuneSettings:
     def _check_sizes(self) -> None:
         for name, (low, high, why) in _BOUNDS.items():
             value = getattr(self, name)
-            if not low <= abs(value) <= high and not (name == "slew_V_per_s" and value == math.inf):
+            if (
+                value is not None
+                and not low <= abs(value) <= high
+                and not (name == "slew_V_per_s" and value == math.inf)
+            ):
                 raise ValueError(f"{name} must be {low:g} to {high:g} in size ({why}), found {value!r}")
         if 0.0 < self.exposure_s < 1.0 / (self.rate_Hz * _MOST_SUBSTEPS):
             raise ValueError(
@@ -211,13 +221,15 @@ class TuneSettings:
     @property
     def gain_factors(self) -> tuple[float, ...]:
         """On the gain of the model: the plants that the gains must hold for."""
-        error = self.gain_error_percent / 100.0
+        percent = GAIN_ERROR_PERCENT if self.gain_error_percent is None else self.gain_error_percent
+        error = percent / 100.0
         return (1.0 - error, 1.0, 1.0 + error) if error else (1.0,)
 
     @property
     def extra_frames(self) -> tuple[int, ...]:
         """Beyond `latency_frames`: the latencies that the gains must hold for."""
-        return (0, self.late_frames) if self.late_frames else (0,)
+        late = LATE_FRAMES if self.late_frames is None else self.late_frames
+        return (0, late) if late else (0,)
 
     @property
     def searches(self) -> tuple[str, ...]:
@@ -263,6 +275,6 @@ def _check_kinds(given: Mapping[str, Any]) -> None:
     for name, value in given.items():
         if name not in settings:
             raise InputError(f"{name}: no such setting, expected one of {', '.join(settings)}")
-        numeric = isinstance(settings[name].default, float) or name in _BOUNDS
+        numeric = isinstance(settings[name].default, float) or name in (*_BOUNDS, "gain_error_percent")
         if numeric and (isinstance(value, bool) or not isinstance(value, Real)):
             raise InputError(f"{name}: found {value!r}, expected a number")

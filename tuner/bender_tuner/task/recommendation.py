@@ -1,0 +1,185 @@
+"""Whether a model is followed: shapers and horizons tried, and judged beside the PID block alone and the rules.
+
+Two questions have two ensembles. Whether the loop holds is asked of a device that is off by as much as the settings
+say, for the block's gains decide it and nothing that a record shows makes a loop safe for good. Whether following is
+worth it is asked of what the device may be as far as is known: after a diagnosis, what its residual leaves open. Judged
+with a gain that is 30 % off, a set-point that is reached in one move behind a dead time is passed by 30 %, and slow
+gains that wait and see look better than a model that has shown to be right.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from bender_loop.control.pid import Gains
+from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.diagnosed import Known
+from bender_loop.fmu.followed_model import FollowedModel
+from bender_tuner.task.contenders import Contender
+from bender_tuner.task.following import Following, Scored, candidates, choose
+from bender_tuner.task.practitioner import PractitionerObjective, PractitionerReport
+from bender_tuner.task.problem import Report, TuningProblem, as_known
+from bender_tuner.task.settings import GAIN_ERROR_PERCENT, LATE_FRAMES, TuneSettings
+
+METHOD, LABEL = "model_following", "model following"
+
+
+class Device(NamedTuple):
+    """How far a device may be from its model: its gain in per cent, its frames; as its diagnosis says, or settings."""
+
+    gain_error_percent: float
+    late_frames: int
+    by_diagnosis: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Score:
+    """One controller by the yardstick that decides."""
+
+    method: str
+    label: str
+    report: PractitionerReport
+
+    @property
+    def rms_um(self) -> float:
+        """From the set-point, on the nominal plant."""
+        return math.sqrt(self.report.nominal.metrics.mse_um2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recommendation:
+    """What was decided, and by which figures.
+
+    Attributes:
+        following: what is followed; None where that is not recommended.
+        sentence: the reason, for people.
+        device: how far it may be from its model, where that was decided.
+        scores: the PID block alone, model following (where it is refused, at its best), the rules.
+        tried: every shaper and horizon.
+    """
+
+    following: Following | None
+    sentence: str
+    device: Device
+    scores: tuple[Score, ...]
+    tried: tuple[Scored, ...]
+
+
+def recommend(
+    problem: TuningProblem,
+    contenders: Sequence[Contender],
+    model: FollowedModel,
+    fmu: Path,
+    known: Known | None,
+    report: Report,
+) -> Recommendation | None:
+    """Tune shaper and horizon with the gains as they are, and recommend them where the block alone is no better.
+
+    The feedforward is no part of the loop, so Ms and noise gain are those of the gains.
+
+    Args:
+        problem: the plant, posed.
+        contenders: the tuned gains first; None is returned where there are none.
+        model: what may be followed, unshaped.
+        fmu: of it.
+        known: how well the diagnosis of the model bounds the device; None where it does not.
+        report: is told how far the work is.
+
+    Raises:
+        RunError: the plant failed.
+    """
+    gains = contenders[0].gains
+    if gains is None:
+        return None
+    settings = problem.settings
+    device = _device(settings, known)
+    judge = _judge(problem, device) if device.by_diagnosis else problem.practitioner
+    alone = judge.evaluate(gains)
+    tried: list[Scored] = []
+    best: Scored | None = None
+    for group in candidates(model, fmu, settings.setpoint_um, settings.sampling, problem.reduced.lag_s):
+        for count, following in enumerate(group, start=1):
+            tried.append(_scored(judge, gains, following))
+            report("tuning model following", count, len(group), f"best {min(x.value for x in tried):.4g}")
+        best = choose(tried, alone.value)
+        if best is not None:
+            break
+    if best is not None and not math.isfinite(problem.practitioner.evaluate(gains, best.following).value):
+        best = None
+    shown = best or min(tried, key=lambda x: (not x.bounds_kept, x.value))
+    scores = [
+        Score(contenders[0].method, contenders[0].label, alone),
+        Score(METHOD, LABEL, judge.evaluate(gains, shown.following)),
+        *_of_rules(judge, contenders),
+    ]
+    return Recommendation(
+        following=None if best is None else best.following,
+        sentence=_why(scores[0], scores[1], bool(best), device),
+        device=device,
+        scores=tuple(scores),
+        tried=tuple(tried),
+    )
+
+
+def _device(settings: TuneSettings, known: Known | None) -> Device:
+    """Return how far a device may be off; a user's word stands, for the rest the diagnosis, or what nobody knows."""
+    percent, late = settings.gain_error_percent, settings.late_frames
+    usual = Device(GAIN_ERROR_PERCENT if percent is None else percent, LATE_FRAMES if late is None else late, False)
+    if known is None or known.gain_error_percent >= GAIN_ERROR_PERCENT or None not in (percent, late):
+        return usual
+    frames = min(LATE_FRAMES, math.floor(known.delay_error_s * settings.rate_Hz + 0.5))
+    return Device(known.gain_error_percent if percent is None else percent, frames if late is None else late, True)
+
+
+def _judge(problem: TuningProblem, device: Device) -> PractitionerObjective:
+    try:
+        return as_known(problem, device.gain_error_percent, device.late_frames)
+    except InputError:
+        return problem.practitioner
+
+
+def _scored(judge: PractitionerObjective, gains: Gains, following: Following) -> Scored:
+    found = judge.evaluate(gains, following)
+    kept = found.bounds_kept and judge.keeps_overshoot(gains, following)
+    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept)
+
+
+def _of_rules(judge: PractitionerObjective, contenders: Sequence[Contender]) -> list[Score]:
+    found: list[Score] = []
+    for x in contenders:
+        if x.kind == "rule" and x is not contenders[0] and x.gains is not None:
+            try:
+                found.append(Score(x.method, x.label, judge.evaluate(x.gains)))
+            except RunError:  # the plant does not survive the gains of a rule
+                continue
+    return found
+
+
+def _why(alone: Score, followed: Score, recommended: bool, device: Device) -> str:
+    """Return why a model is followed or not, and what would change a refusal where it is better on itself."""
+    values = f"objective {followed.report.value:.4g} against {alone.report.value:.4g} of the PID block alone"
+    judged = _judged(device)
+    if recommended:
+        return f"model following: {values}, with the same gains{judged and '; '}{judged}"
+    refusal = "model following is not recommended: "
+    if not followed.report.bounds_kept:
+        return refusal + "no shaper and horizon keeps the bounds"
+    if followed.rms_um >= alone.rms_um or not judged:
+        return refusal + values
+    return (
+        f"{refusal}{values}; on the model itself it is nearer to the set-point, {followed.rms_um:.4g} against "
+        f"{alone.rms_um:.4g} µm rms. It is {judged}: say so where the device is known better"
+    )
+
+
+def _judged(device: Device) -> str:
+    """Return on which devices it was decided; empty for the model itself."""
+    percent, late = device.gain_error_percent, device.late_frames
+    if device.by_diagnosis:
+        frames = f"a frame {late} late" if late else "frames in time"
+        return f"judged with a gain that is off by {percent:.3g} % and {frames}, as the diagnosis of the model has it"
+    causes = [f"a gain that is off by {percent:.3g} % (--gain-error)"] if percent else []
+    causes += [f"a frame that comes {late} late (--late-frames; 0 where one clock times the loop)"] if late else []
+    return f"judged with {' and '.join(causes)}" if causes else ""
