@@ -40,16 +40,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Try the benches, print the table, write control.json; goes on from an earlier run that was asked the same."""
+    """Try the benches, print the table, write control.json; goes on from an earlier run that was asked the same.
+
+    Records and diagnoses stay in the folder: a run that is asked something else of the same benches takes them from
+    there.
+    """
     import json
     import os
-    import tempfile
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from itertools import islice
     from multiprocessing import get_context
 
     from bender_loop.shell.files import finite, prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.run import version
     from bender_studies.control import figures
     from bender_studies.control.trial import Trial, try_bench
     from bender_studies.hidden_effects.trial import silence
@@ -64,12 +68,12 @@ def run(arguments: argparse.Namespace) -> int:
     found = [kept[x.id] for x in benches if x.id in kept]
     status = 0
     jobs = arguments.jobs or os.cpu_count() or 1
+    place = arguments.out / f"benches of {version()}"
     with (
-        tempfile.TemporaryDirectory() as place,
         Progress("benches in a loop") as bar,
         ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool,
     ):
-        waiting = [pool.submit(try_bench, x, Path(place) / x.id, trial) for x in benches if x.id not in kept]
+        waiting = [pool.submit(try_bench, x, place / x.id, trial) for x in benches if x.id not in kept]
         try:
             for future in as_completed(waiting):
                 found.append(future.result())

@@ -1,5 +1,6 @@
 """One hidden bench: recorded, diagnosed, tuned on what was found, run with the PID block alone and with the model."""
 
+import json
 import math
 import time
 from contextlib import ExitStack, closing
@@ -133,13 +134,9 @@ def try_bench(case: Case, folder: Path, trial: Trial) -> Tried:
 
 
 def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
-    from bender_studies.demonstration.bench import diagnose_run
     from bender_tuner.results.gains_file import read_controller
 
-    folder.mkdir(parents=True, exist_ok=True)
-    bench = Bench(case)
-    write_record(folder / "record.csv", bench.record(bench.excitation(), bench.noise()))
-    diagnosis = diagnose_run(folder / "record.csv", folder / "diagnosis", MODEL)
+    diagnosis = _diagnosis(case, folder)
     effects = tuple(x["id"] for x in diagnosis["effects"])
     found: dict[str, Any] = {"verdict": diagnosis["verdict"], "effects": effects}
     file = folder / "diagnosis" / diagnosis["model"]
@@ -166,6 +163,19 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
     limit_Hz = crossover / (2.0 * math.pi) if math.isfinite(crossover) else 1.0
     runs = _Runs(case, gains, limits, followed, folder / "tuned" / followed.fmu)
     return found | _compared(runs, limit_Hz) | _spread(runs, trial.spread)
+
+
+def _diagnosis(case: Case, folder: Path) -> dict[str, Any]:
+    """Return the diagnosis of a bench by its record; that of an earlier run where it is there."""
+    from bender_studies.demonstration.bench import diagnose_run
+
+    earlier = folder / "diagnosis" / "diagnosis.json"
+    if earlier.is_file():
+        return json.loads(earlier.read_text(encoding="utf-8"))
+    folder.mkdir(parents=True, exist_ok=True)
+    bench = Bench(case)
+    write_record(folder / "record.csv", bench.record(bench.excitation(), bench.noise()))
+    return diagnose_run(folder / "record.csv", folder / "diagnosis", MODEL)
 
 
 def tuned(model: Model, case: Case, out: Path, evaluations: int, found: Diagnosed = NOTHING) -> "Session":
