@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -225,7 +226,7 @@ class Diagnosis:
 
         from bender_loop.shell.files import write_atomically
 
-        page = self.report(chart_process) if report else ""
+        page, told = self.report(chart_process) if report else "", dict(self._outcome)
         if page:
             write_atomically(folder / REPORT, page)
         if is_written(self.findings, self.gap):
@@ -239,7 +240,8 @@ class Diagnosis:
                 write_atomically(folder / fmu, rival.fmu())
         if self.next_experiment is not None:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv(self.quantities.command))
-        write_atomically(folder / DIAGNOSIS, self.to_json())
+        told["sha256"] = {x: sha256((folder / x).read_bytes()).hexdigest() for x in (told["model"], told["fmu"]) if x}
+        write_atomically(folder / DIAGNOSIS, result_text(told))
 
     def _documents(self, page: str) -> dict[str, bytes]:
         """Return what goes into the corrected FMU beside its code: the report, and where the correction comes from."""

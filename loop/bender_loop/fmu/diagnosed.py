@@ -1,5 +1,6 @@
 """What the diagnosis beside a corrected model says of it."""
 
+import hashlib
 import json
 import math
 from collections.abc import Callable
@@ -52,7 +53,8 @@ class Diagnosed:
         rms_um: residual of the model on held-out rows; 0 where it was not measured.
         units: of command and reading, in which that and the model's V and um are.
         rivals: what the records leave open beside the model.
-        known: how well the device is known by its records; None where they do not bound gain and dead time both.
+        known: how well the device is known by its records; None where they do not bound gain and dead time both, or
+            the model is no longer as it was written.
     """
 
     rms_um: float = 0.0
@@ -79,9 +81,19 @@ def diagnosed(model: Path | str | None) -> Diagnosed:
             return NOTHING
         units = str(told["input_unit"]), str(told["unit"])
         rivals = tuple(_rival(folder, x) for x in told.get("rival_models", ()))
-        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, _known(told))
+        return Diagnosed(
+            float(told["gap"]["after"]["rms"]),
+            units,
+            rivals,
+            _known(told) if _is_as_written(Path(model), told) else None,
+        )
     except (OSError, ValueError, LookupError, TypeError):
         return NOTHING
+
+
+def _is_as_written(model: Path, told: dict[str, Any]) -> bool:
+    """Whether a file is as the diagnosis left it: what was found of one does not hold for another."""
+    return told.get("sha256", {}).get(model.name) == hashlib.sha256(model.read_bytes()).hexdigest()
 
 
 def _known(told: dict[str, Any]) -> Known | None:
