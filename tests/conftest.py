@@ -33,6 +33,7 @@ if worker := os.environ.get("PYTEST_XDIST_WORKER"):
     os.environ["TMPDIR"] = str(folder)
     tempfile.tempdir = None
 
+import pytest
 from hypothesis import settings
 
 # enough to meet what a law forbids again and again over the runs; `make test-all` looks longer
@@ -47,3 +48,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # the same for a closed terminal, after nohup
 if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Trials run only where they are asked for."""
+    if "trial" not in str(config.getoption("markexpr")):
+        trials = [x for x in items if x.get_closest_marker("trial")]
+        items[:] = [x for x in items if x not in trials]
+        config.hook.pytest_deselected(items=trials)

@@ -1,4 +1,4 @@
-"""A slice of the fault matrix: every kind of fault in every state. `bender benchmark hil --faults` runs all of it."""
+"""The fault matrix: a slice among the slow tests, every fault in every state by `pytest -m trial tests/test_hil`."""
 
 import os
 from collections.abc import Sequence
@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from bender_studies.bench_trials import fault_matrix
-from bender_studies.bench_trials.fault_matrix import FAULTS, STATES, Cell, cells, judged, run_cell
-from bender_studies.bench_trials.matrix import run_matrix
+from bench_trials import fault_matrix
+from bench_trials.fault_matrix import FAULTS, STATES, Cell, cells, judged, run_cell
+from bench_trials.matrix import run_matrix
 
 pytest.importorskip("pyvisa_py")
 
@@ -53,7 +52,7 @@ def test_every_kind_of_fault_of_the_supply_ends_with_the_output_off_or_the_alarm
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="reads the kernel's table of processes")
 def test_every_kind_of_lost_process_ends_with_the_output_off_or_the_alarm(fmu: Path, tmp_path: Path):
-    from bender_studies.bench_trials.process_faults import process_faults, run_process_cell
+    from bench_trials.process_faults import process_faults, run_process_cell
 
     everything = process_faults()
     assert len({fault for fault, _ in everything}) >= 40
@@ -61,6 +60,25 @@ def test_every_kind_of_lost_process_ends_with_the_output_off_or_the_alarm(fmu: P
     found = run_matrix(LOST, run_process_cell, fmu, tmp_path, at_once=4)
     assert [cell for cell in found if cell.broken] == []
     assert {cell.outcome for cell in found} <= {"off", "alarm"}
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize("fault", FAULTS)
+def test_any_fault_of_the_supply_in_any_state_ends_with_the_output_off_or_the_alarm(
+    fault: str, fmu: Path, tmp_path: Path
+):
+    found = run_matrix([(fault, state) for state in STATES], run_cell, fmu, tmp_path)
+    assert [cell for cell in found if cell.broken] == []
+
+
+@pytest.mark.trial
+@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="reads the kernel's table of processes")
+@pytest.mark.parametrize("state", STATES)
+def test_any_lost_process_ends_with_the_output_off_or_the_alarm(state: str, fmu: Path, tmp_path: Path):
+    from bench_trials.process_faults import process_faults, run_process_cell
+
+    found = run_matrix([x for x in process_faults() if x[1] == state], run_process_cell, fmu, tmp_path)
+    assert [cell for cell in found if cell.broken] == []
 
 
 class Ended:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from bench_trials.camera_faults import CAMERA_FAULTS, PATIENT
 from following_controllers import tuned_on
 
 from bender_emulator.microscope.control import clear_faults, set_fault
@@ -18,7 +19,6 @@ from bender_hil.runner.run import run
 from bender_hil.runner.tip_camera import Sight
 from bender_hil.supply.select import SupplySettings
 from bender_loop.control.references import Profile
-from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, PATIENT
 
 pytest.importorskip("pyvisa_py")
 pytest.importorskip("cv2")

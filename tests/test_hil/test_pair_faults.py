@@ -1,11 +1,12 @@
-"""Faults over pairs of source and sensor: a slice here, all of them by `bender benchmark hil --parts pairs`."""
+"""Faults over pairs of source and sensor: a slice among the slow tests, all of them by `pytest -m trial`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from bench_trials.pair_faults import PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
 
 from bender_hil.emulated import MICROSCOPE
-from bender_studies.bench_trials.pair_faults import PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
 
 pytest.importorskip("pyvisa_py")
 
@@ -28,10 +29,15 @@ def test_every_pair_has_faults_of_both():
         assert sum(name.startswith("sensor") for name in names) >= (1 if sensor == "daq" else 5)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("source", "sensor", "faults"), SLICE)
+@pytest.mark.parametrize(
+    ("source", "sensor", "faults"),
+    [
+        *(pytest.param(*row, marks=pytest.mark.slow) for row in SLICE),
+        *(pytest.param(*pair, faults_of(pair[1]), marks=pytest.mark.trial) for pair in PAIRS),
+    ],
+)
 def test_whatever_fails_the_output_is_off_or_an_alarm_is_given(
-    source: str, sensor: str, faults: tuple[str, ...], tmp_path: Path
+    source: str, sensor: str, faults: Sequence[str], tmp_path: Path
 ):
     from bender_export.build import ensure_plant_fmu
 

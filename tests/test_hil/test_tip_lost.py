@@ -8,10 +8,12 @@ from drawn_wire import HEIGHT, WIDTH, draw, picture, tracker
 from few import few
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mishaps import MISHAPS
+from silent_failures import count_silent_failures, sum_of
 
+from bender_emulator.microscope import Scene, SceneSettings
 from bender_hil.vision import TrackerSettings
 from bender_loop.errors import RunError
-from bender_studies.vision.silence import count_silent_failures, sum_of
 
 pytest.importorskip("cv2", reason="needs the extra bench")
 
@@ -121,7 +123,9 @@ def test_rest_needs_the_tip_in_half_of_the_pictures():
         eye.zero([])
 
 
-@pytest.mark.parametrize("frames", few([90, 300], 0))
+@pytest.mark.parametrize(
+    "frames", [90, pytest.param(300, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.trial)]
+)
 def test_no_silent_failure_among_bad_frames(frames: int):
     tallies, silent = count_silent_failures(frames, 20, "line")
     total = sum_of(tallies.values())
@@ -156,3 +160,14 @@ def test_extreme_point_fails_in_silence():
 def test_bad_settings_are_named(change: dict, named: str):
     with pytest.raises(ValueError, match=f"^{named}: found"):
         TrackerSettings(**change)
+
+
+@pytest.mark.parametrize("name", few(MISHAPS, 0, 6, 12))
+def test_mishap_keeps_the_form_of_a_frame(name: str):
+    scene = Scene(SceneSettings(), np.random.default_rng(1))
+    image, right_um = MISHAPS[name](scene, 20.0, np.random.default_rng(2))
+    again, _ = MISHAPS[name](Scene(SceneSettings(), np.random.default_rng(1)), 20.0, np.random.default_rng(2))
+    assert image.shape == scene.shape
+    assert image.dtype == np.uint8
+    assert np.array_equal(image, again)
+    assert all(np.isfinite(right_um))

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from bench_trials.whole_run import last_word_faults
 
 from bender_emulator.sources.controllers import ThorlabsInstrument
 from bender_loop.shell.last_word import UNKNOWN
-from bender_studies.bench_trials.whole_run import last_word_faults
 
 AS_PLANNED = "written: run\nas planned; output off\n"
 ALARM = f"bender: {UNKNOWN} (no answer)\n"

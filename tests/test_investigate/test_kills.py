@@ -4,15 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from bench_trials.kills import ATTEMPTS, SCENARIOS, Chain, Scenario, run_chain
+from bench_trials.played_rows import played_rows
 
 from bender_hil.bench_file import emulated_bench
 from bender_hil.log.read_run import GUARD, RUN
 from bender_investigate.real_bench import RealBench
 from bender_loop.errors import InputError
 from bender_native.ready import ready_plant_fmu
-from bender_studies.investigations import kill_figures
-from bender_studies.investigations.kills import ATTEMPTS, SCENARIOS, run_chain
-from bender_studies.investigations.played_rows import played_rows
 
 RATE_HZ = 30.0
 
@@ -96,14 +95,25 @@ def test_a_run_that_sent_nothing_is_played_and_one_with_a_damaged_journal_is_not
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals and /proc")
 def test_every_process_is_killed_at_rest_and_nothing_is_played_twice(tmp_path):
     scenario = replace(SCENARIOS[0], budget_s=20.0, phases=("rest",))
-    chain = run_chain(scenario, ready_plant_fmu("bench"), tmp_path, lambda _: None)
+    chain = run_chain(scenario, ready_plant_fmu("bench"), tmp_path)
     expected = [(phase, who) for phase in scenario.phases for group in ATTEMPTS[phase] for who in group]
     assert [(x.phase, x.who) for x in chain.kills] == expected
-    assert [x.broken for x in chain.kills if x.broken] == []
+    assert_whole(chain)
     by_who = {x.who: x for x in chain.kills}
     assert (by_who["guard"].outcome, by_who["guard"].status) == ("off", 1)
     assert (by_who["supply"].outcome, by_who["supply"].status) == ("alarm", 3)
-    assert (chain.broken, chain.missed, chain.played.twice, chain.played.unknown) == ("", (), (), 0)
     assert chain.played.rows >= 460
-    assert kill_figures.is_whole([chain])
-    assert kill_figures.rows([chain])[0][0] == "rest"
+
+
+@pytest.mark.trial
+@pytest.mark.timeout(3600)
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals and /proc")
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda x: x.name)
+def test_every_process_is_killed_in_every_phase_and_nothing_is_played_twice(scenario: Scenario, tmp_path: Path):
+    assert_whole(run_chain(scenario, ready_plant_fmu("bench"), tmp_path))
+
+
+def assert_whole(chain: Chain) -> None:
+    """Every kill and the end are as they should be, none was missed, nothing was played twice."""
+    assert [x for x in chain.kills if x.broken] == []
+    assert (chain.broken, chain.missed, chain.played.twice, chain.played.unknown) == ("", (), (), 0)

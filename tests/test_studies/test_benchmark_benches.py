@@ -1,11 +1,8 @@
-"""What counts against a bench that was tried from its check to the diagnosis, and which cells a matrix is asked for."""
-
-import argparse
+"""What counts against a bench that was tried from its check to the diagnosis."""
 
 import pytest
 
 from bender_studies.bench_trials.end_to_end import HIDDEN, KINDS, EndToEnd, hidden_model
-from bender_studies.benchmarks.hil import _asked, _piece
 
 DELAY, HYSTERESIS = HIDDEN
 FOUND = ("named", {DELAY: "certain", HYSTERESIS: "likely"})
@@ -38,14 +35,3 @@ def test_a_bench_that_names_what_is_hidden_is_as_it_should_be():
 def test_what_is_not_as_it_should_be_is_told(changed: dict[str, object], words: str):
     facts: dict[str, object] = {"statuses": DONE, "investigated": FOUND, "diagnosed": FOUND} | changed
     assert words in "; ".join(EndToEnd("bench", **facts).broken)  # pyright: ignore[reportArgumentType]
-
-
-def test_pieces_of_a_matrix_are_all_of_it():
-    cells = [("hangs", state) for state in "abc"] + [("link drops", "a")]
-    assert _asked([], (1, 1), cells) == cells
-    assert sorted(cell for k in (1, 2, 3) for cell in _asked([], (k, 3), cells)) == sorted(cells)
-    assert _asked(["link", "a"], (1, 1), cells) == [("link drops", "a")]
-    assert _piece("2/3") == (2, 3)
-    for wrong in ("0/3", "4/3", "2", "a/b"):
-        with pytest.raises(argparse.ArgumentTypeError, match="expected a piece"):
-            _piece(wrong)

@@ -3,15 +3,12 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from few import few
 
 from bender_cli.main import main
-from bender_emulator.microscope import Scene, SceneSettings
 from bender_studies.vision.accuracy import measure_case
-from bender_studies.vision.cases import CASES, any_scene
-from bender_studies.vision.mishaps import MISHAPS
+from bender_studies.vision.cases import CASES
 from bender_studies.vision.scale import SCALE_CASES, measure_scale
 
 pytest.importorskip("cv2", reason="needs the extra bench")
@@ -38,28 +35,12 @@ def test_scale_is_within_its_limit(name: str):
     assert errors.claimed_percent < 0.05
 
 
-@pytest.mark.parametrize("name", few(MISHAPS, 0, 6, 12))
-def test_mishap_keeps_the_form_of_a_frame(name: str):
-    scene = Scene(SceneSettings(), np.random.default_rng(1))
-    image, right_um = MISHAPS[name](scene, 20.0, np.random.default_rng(2))
-    again, _ = MISHAPS[name](Scene(SceneSettings(), np.random.default_rng(1)), 20.0, np.random.default_rng(2))
-    assert image.shape == scene.shape
-    assert image.dtype == np.uint8
-    assert np.array_equal(image, again)
-    assert all(np.isfinite(right_um))
-
-
-def test_any_scene_is_a_valid_scene():
-    assert len({any_scene(np.random.default_rng(seed)) for seed in range(20)}) == 20
-
-
 @pytest.mark.slow
 def test_command_writes_what_it_prints(tmp_path: Path, capsys):
-    words = ["--frames", "2", "--bad-frames", "10", "--rulers", "1", "--out", str(tmp_path)]
+    words = ["--frames", "2", "--rulers", "1", "--out", str(tmp_path)]
     assert main(["benchmark", "vision", *words]) == 0
     said = capsys.readouterr().out
     facts = json.loads((tmp_path / "vision.json").read_text(encoding="utf-8"))
     assert set(facts["tip"]) == set(CASES)
     assert set(facts["scale"]) == set(SCALE_CASES)
-    assert sum(one["frames"] for one in facts["bad_frames"]["line"].values()) == 10
     assert all(name in said for name in CASES)

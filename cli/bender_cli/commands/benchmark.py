@@ -29,7 +29,6 @@ BENCHMARKS: Mapping[str, str] = {
     "hil": "bender_studies.benchmarks.hil",
     "identify": "bender_studies.benchmarks.identify",
     "investigate": "bender_studies.benchmarks.investigate",
-    "live": "bender_studies.bench_trials.watched_runs",
     "model": "bender_studies.benchmarks.first_model",
     "nonlinear": "bender_studies.benchmarks.nonlinear",
     "watch": "bender_studies.watching.benchmark",

@@ -14,7 +14,7 @@ from typing import Any
 from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.sources.amplifier import Amplifier
-from bender_studies.bench_trials.whole_run import HARMLESS_V, write_bench
+from bender_studies.bench_trials.as_hardware import HARMLESS_V, write_bench
 
 MODEL = "bench"
 HIDDEN = ("transport_delay", "rate_independent_hysteresis")

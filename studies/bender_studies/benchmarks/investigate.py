@@ -32,14 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--budget-s", type=float, default=600.0, metavar="S", help="bench time of each investigation (default: 600)"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
-    parser.add_argument("--kills", action="store_true", help="instead: kill -9 each process in each phase, and resume")
-    parser.add_argument("--phases", nargs="+", metavar="PHASE", help="with --kills: only in these")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Investigate, print the tables, write investigate.json; an interrupt keeps what is done."""
-    if arguments.kills:
-        return _kills(arguments)
     import json
     import os
     import tempfile
@@ -77,40 +73,6 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.writelines(f"{sentence}\n" for sentence in figures.sentences(found))
         sys.stdout.write(f"written: {arguments.out / 'investigate.json'}\n")
     return status
-
-
-def _kills(arguments: argparse.Namespace) -> int:
-    """Kill and resume investigations of the emulated bench, print the table, write kills.json."""
-    import json
-
-    from bender_loop.errors import InputError
-    from bender_loop.shell.files import finite, prepare_directory, unused, write_atomically
-    from bender_loop.shell.progress import print_table
-    from bender_native.ready import ready_plant_fmu
-    from bender_studies.investigations import kill_figures
-    from bender_studies.investigations.kills import PHASES, SCENARIOS, run_chain
-
-    phases = tuple(arguments.phases or PHASES)
-    if unknown := [x for x in phases if x not in PHASES]:
-        raise InputError(f"--phases: found {unknown[0]!r}, expected some of {', '.join(PHASES)}")
-    prepare_directory(arguments.out)
-    chains = []
-    for scenario in SCENARIOS:
-        if set(phases) & set(scenario.phases):
-            folder = unused(arguments.out / scenario.name.replace(" ", "-"))
-            prepare_directory(folder)
-            chains.append(run_chain(scenario, ready_plant_fmu("bench"), folder, _say, phases))
-            text = json.dumps(finite(kill_figures.to_list(chains)), indent=1, allow_nan=False)
-            write_atomically(arguments.out / "kills.json", text + "\n")
-    print_table("An investigation that is killed and resumed", kill_figures.COLUMNS, kill_figures.rows(chains))
-    sys.stdout.writelines(f"{sentence}\n" for sentence in kill_figures.sentences(chains))
-    sys.stdout.write(f"written: {arguments.out / 'kills.json'}\n")
-    return 0 if kill_figures.is_whole(chains) else 1
-
-
-def _say(sentence: str) -> None:
-    sys.stderr.write(f"{sentence}\n")
-    sys.stderr.flush()
 
 
 def _cases(arguments: argparse.Namespace) -> "Iterator[Case]":

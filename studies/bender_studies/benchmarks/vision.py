@@ -1,36 +1,27 @@
-"""`bender benchmark vision`: errors of the tip and the scale against drawn truth, time, and silent failures."""
+"""`bender benchmark vision`: errors of the tip and of the scale against drawn truth, and time."""
 
 import argparse
 import sys
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bender_loop.shell.progress import Cell
     from bender_studies.vision.accuracy import Errors
     from bender_studies.vision.scale import ScaleErrors
-    from bender_studies.vision.silence import Tally
 
-HELP = "errors of the tip in clean and bad pictures, silent failures, error of the scale"
+HELP = "errors of the tip in clean and bad pictures, error of the scale"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how many pictures, and where the results go."""
     parser.add_argument("--frames", type=int, default=500, metavar="N", help="pictures of each case (default: 500)")
-    parser.add_argument(
-        "--bad-frames",
-        type=int,
-        default=10_000,
-        metavar="N",
-        help="pictures in which wrong tips are counted (default: 10000)",
-    )
     parser.add_argument("--rulers", type=int, default=10, metavar="N", help="pictures of each ruler (default: 10)")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the tables with their limits, write vision.json and the frames that were read wrongly.
+    """Print the tables with their limits, write vision.json.
 
     Raises:
         InputError: a number is not positive, the directory cannot be written, or OpenCV is missing.
@@ -39,18 +30,15 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import finite, prepare_directory, write_result
     from bender_loop.shell.opencv import import_cv2
 
-    for name in ("frames", "bad_frames", "rulers"):
+    for name in ("frames", "rulers"):
         if getattr(arguments, name) < 1:
-            raise InputError(f"--{name.replace('_', '-')}: found {getattr(arguments, name)}, expected 1 or more")
+            raise InputError(f"--{name}: found {getattr(arguments, name)}, expected 1 or more")
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
     import_cv2()
     out = prepare_directory(arguments.out)
-    accuracy = _accuracy(arguments)
-    scale = _scale(arguments)
-    tallies = _silence(arguments, out)
-    facts = {"settings": {"frames": arguments.frames, "seed": arguments.seed}, **accuracy, **scale, **tallies}
-    write_result(out / "vision.json", finite(facts))
+    settings = {"frames": arguments.frames, "seed": arguments.seed}
+    write_result(out / "vision.json", finite({"settings": settings, **_accuracy(arguments), **_scale(arguments)}))
     sys.stdout.write(f"written: {out / 'vision.json'}\n")
     return 0
 
@@ -106,26 +94,3 @@ def _scale(arguments: argparse.Namespace) -> dict[str, object]:
     columns = ("case", "rms %", "max %", "limit", "met", "claimed %", "distortion max %")
     print_table(f"Error of the scale, {arguments.rulers} rulers each", columns, rows)
     return {"scale": {name: asdict(one) for name, one in found.items()}}
-
-
-def _silence(arguments: argparse.Namespace, out: Path) -> dict[str, object]:
-    from bender_hil.vision.settings import EXTREME, LINE
-    from bender_loop.shell.progress import Progress, print_table
-    from bender_studies.vision.pictures import save_silent
-    from bender_studies.vision.silence import ALLOWED_PX, count_silent_failures, sum_of
-
-    found: dict[str, dict[str, Tally]] = {}
-    for method, frames in ((LINE, arguments.bad_frames), (EXTREME, min(1000, arguments.bad_frames))):
-        with Progress(f"bad frames, {method}") as progress:
-            found[method], silent = count_silent_failures(frames, arguments.seed, method, progress.update)
-        if method == LINE:
-            save_silent(out, silent)
-    rows = [_tally_row(name, one, found[EXTREME][name]) for name, one in found[LINE].items()]
-    rows.append(_tally_row("all", sum_of(found[LINE].values()), sum_of(found[EXTREME].values())))
-    columns = ("mishap", "frames", "right", "declared lost", "wrong in silence", "extreme: wrong in silence")
-    print_table(f"Bad frames; right is within {ALLOWED_PX:g} px", columns, rows)
-    return {"bad_frames": {method: {name: asdict(one) for name, one in both.items()} for method, both in found.items()}}
-
-
-def _tally_row(name: str, line: "Tally", extreme: "Tally") -> "list[Cell]":
-    return [name, line.frames, line.right, line.lost, line.silent, f"{extreme.silent} of {extreme.frames}"]

@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from bender_emulator.microscope import SceneSettings
 
 CLEAN = "clean"
@@ -50,26 +48,3 @@ CASES: Mapping[str, Case] = {
         smear_px=4.0,
     ),
 }  # fmt: skip
-
-
-def any_scene(rng: np.random.Generator) -> SceneSettings:
-    """A scene somewhere between the cases."""
-    return SceneSettings(
-        um_per_px=rng.uniform(1.0, 2.0),
-        rest_x_px=rng.uniform(300.0, 480.0),
-        rest_y_px=rng.uniform(180.0, 300.0),
-        rest_angle_deg=rng.uniform(-5.0, 5.0),
-        rotation_rad_per_um=rng.uniform(0.0, 6.4e-4),
-        light_levels=rng.uniform(110.0, 225.0),
-        light_slope=rng.uniform(0.0, 0.4),
-        vignette=rng.uniform(0.0, 0.6),
-        opacity=rng.uniform(0.5, 0.9),
-        halo=rng.uniform(0.0, 0.1),
-        glint=rng.uniform(0.0, 0.2),
-        blur_px=rng.uniform(0.8, 3.0),
-        noise_levels=rng.uniform(2.0, 7.0),
-        dust=int(rng.integers(0, 20)),
-        specks=int(rng.integers(0, 40)),
-        fibres=int(rng.integers(0, 3)),
-        jpeg_quality=int(rng.choice([0, 0, 90, 75])),
-    )

@@ -12,13 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bender_emulator.sensors.settings import TEXT
-from bender_hil.emulated import EmulatedBench, EmulationSettings
-from bender_hil.guard.settings import GuardSettings
-from bender_hil.log.read_run import GUARD
-from bender_loop.shell.last_word import UNCONFIRMED
-from bender_loop.shell.messages import Message
-from bender_studies.bench_trials.whole_run import (
+from bench_trials.whole_run import (
     Reached,
     WholeRun,
     code_of,
@@ -29,8 +23,15 @@ from bender_studies.bench_trials.whole_run import (
     journal_faults,
     journal_of,
     last_word_faults,
-    write_bench,
 )
+
+from bender_emulator.sensors.settings import TEXT
+from bender_hil.emulated import EmulatedBench, EmulationSettings
+from bender_hil.guard.settings import GuardSettings
+from bender_hil.log.read_run import GUARD
+from bender_loop.shell.last_word import UNCONFIRMED
+from bender_loop.shell.messages import Message
+from bender_studies.bench_trials.as_hardware import write_bench
 
 STATES = ("opening", "armed", "rising", "holding", "descending")
 

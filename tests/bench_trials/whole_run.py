@@ -10,24 +10,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from bender_emulator.start import EmulatedSupply
-from bender_hil.bench_file import CameraTable
-from bender_hil.calibration.scale import Calibration
-from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
-from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.journal import read_journal
 from bender_hil.log.read_run import GUARD, RUN
-from bender_hil.sources.amplifier import Amplifier
-from bender_hil.sources.kinds import kind_of
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.last_word import UNCONFIRMED, UNKNOWN
 from bender_loop.shell.messages import Message
+from bender_studies.bench_trials.as_hardware import HARMLESS_V
 
-HARMLESS_V = 1.0
 _REACHED_S, _LONGEST_S = 120.0, 40.0
 """Patient with a machine that does other things: starting a run is not what is tried."""
 _OFF = "output off"
@@ -170,48 +163,6 @@ def code_of(run: Path) -> str | None:
     """Return why a run ended, by whoever had the last word of it; None for no reason, or no word."""
     stop = first_of(journal_of(run, RUN), "stop") or first_of(journal_of(run), "end")
     return None if stop is None else stop["code"]
-
-
-def write_bench(
-    folder: Path,
-    bench: EmulatedBench,
-    settings: EmulationSettings,
-    limits: GuardSettings,
-    amplifier: Amplifier | None = None,
-    zero_readings: int = 5,
-) -> Path:
-    """Write the bench file that drives a running emulated bench as hardware is; returns its path."""
-    import tomli_w
-
-    source = settings.source(bench.resource)
-    tables: dict[str, Any] = {"source": {"kind": kind_of(source), **_table(source)}, "guard": _table(limits)}
-    if amplifier is not None:
-        tables["amplifier"] = _table(amplifier)
-    if settings.sensor == MICROSCOPE:
-        Calibration.of_scale(1.5).save(folder / "calibration.toml")
-        tables["camera"] = _table(CameraTable(bench.stream, calibration="calibration.toml", zero_frames=zero_readings))
-    else:
-        told = settings.sensor_table(str(bench.sensor_resource))
-        sensor = {"kind": told.kind, "rate_Hz": told.rate_Hz, "zero_readings": zero_readings}
-        tables["sensor"] = sensor | _table(told.instrument)
-        calibration = settings.sensor_calibration()
-        if calibration is not None:
-            calibration.save(folder / "sensor.toml")
-            tables["sensor"]["calibration"] = "sensor.toml"
-    path = folder / "bench.toml"
-    path.write_text(tomli_w.dumps(tables), encoding="utf-8")
-    return path
-
-
-def _table(settings: Any) -> dict[str, Any]:
-    """Return what differs from the defaults, as a bench file would say it."""
-    assert is_dataclass(settings)
-    told = {}
-    for field in fields(settings):
-        value = getattr(settings, field.name)
-        if value != field.default:
-            told[field.name] = list(value) if isinstance(value, tuple) else value
-    return {name: asdict(value) if is_dataclass(value) else value for name, value in told.items()}  # pyright: ignore[reportArgumentType]
 
 
 def hil_words(bench: Path, voltages: Sequence[tuple[float, float]], out: Path) -> list[str]:

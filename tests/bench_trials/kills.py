@@ -13,12 +13,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_trials.played_rows import PlayedRows, played_rows
+from bench_trials.standing_bench import FRAMES_PER_S, StandingBench
 
 from bender_export.build import build_plant_fmu
 from bender_hil.emulated import EmulationSettings
@@ -34,14 +36,11 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
 from bender_loop.shell.last_word import UNKNOWN
 from bender_plant.model import load_model
-from bender_studies.investigations.played_rows import PlayedRows, played_rows
-from bender_studies.investigations.standing_bench import FRAMES_PER_S, StandingBench
 
 BESIDE = ("page server", "STOP button")
 """They are no part of a run: it goes on without them, and says that STOP has gone."""
 ON_BENCH = ("rest", "excitation", "experiment", "old gains", "new gains")
 OFF_BENCH = ("diagnosis", "tuning", "outcome")
-PHASES = ("rest", "excitation", "diagnosis", "experiment", "tuning", "old gains", "new gains", "outcome")
 ATTEMPTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
     **dict.fromkeys(ON_BENCH, ((*BESIDE, "investigation"), ("guard",), ("microscope",), ("supply",))),
     **dict.fromkeys(OFF_BENCH, ((*BESIDE, "investigation"),)),
@@ -117,7 +116,7 @@ class Kill:
     """One process killed in one phase.
 
     Attributes:
-        phase, who: as in `PHASES` and `ATTEMPTS`.
+        phase, who: as in `ATTEMPTS`.
         outcome: "off", "alarm", "goes on", "nothing was on", or what is wrong.
         seconds: to the output off or to the alarm, None where there is nothing to wait for.
         status: of the investigation, None for one that was killed or goes on.
@@ -159,17 +158,13 @@ class Chain:
     broken: str
 
 
-def run_chain(
-    scenario: Scenario, fmu: Path, folder: Path, tell: Callable[[str], None], phases: Sequence[str] = PHASES
-) -> Chain:
+def run_chain(scenario: Scenario, fmu: Path, folder: Path) -> Chain:
     """Kill and resume one investigation until nobody is left to be killed, then let it end.
 
     Args:
         scenario: the investigation.
         fmu: of the emulated bench where no lag is hidden.
         folder: an empty one, for everything.
-        tell: is told every kill.
-        phases: only in these.
 
     Raises:
         RunError: a sitting hangs, or the emulated bench does not come back.
@@ -185,7 +180,7 @@ def run_chain(
             "[limits]\nlower_V = 0.0\nupper_V = 50.0\ntracking_time_s = 0.0\n")  # fmt: skip
         if scenario.given is not None:
             _write_given(folder / GIVEN, fmu, scenario.given)
-        return _Chain(scenario, bench, folder, tell, phases).run()
+        return _Chain(scenario, bench, folder).run()
 
 
 @dataclass(slots=True)
@@ -193,15 +188,13 @@ class _Chain:
     scenario: Scenario
     bench: StandingBench
     folder: Path
-    tell: Callable[[str], None]
-    phases: Sequence[str]
     kills: list[Kill] = field(default_factory=list)
     sittings: int = 0
     mishaps: int = 0
     misses: int = 0
 
     def run(self) -> Chain:
-        pending = {x: list(ATTEMPTS[x]) for x in self.scenario.phases if x in self.phases}
+        pending = {x: list(ATTEMPTS[x]) for x in self.scenario.phases}
         last = None
         while last is None:
             last = self._sitting(pending)
@@ -245,7 +238,6 @@ class _Chain:
                     pending[phase].append(group)
                     continue
                 self.kills.append(kill)
-                self.tell(f"{phase}, {who}: {kill.broken or kill.outcome}")
         return None
 
     def _kill(self, sitting: "_Sitting", phase: str, who: str) -> Kill:

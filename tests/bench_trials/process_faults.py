@@ -16,11 +16,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from bender_hil.emulated import EmulatedBench
-from bender_hil.guard.settings import GuardOrders
-from bender_hil.supply.select import SupplySettings
-from bender_loop.errors import RunError
-from bender_studies.bench_trials.fault_matrix import (
+from bench_trials import stand_in
+from bench_trials.fault_matrix import (
     LIMITS,
     SETTINGS,
     SLOW,
@@ -31,16 +28,14 @@ from bender_studies.bench_trials.fault_matrix import (
     judged,
     reached,
 )
-from bender_studies.bench_trials.stand_in import MISBEHAVIOUR
-from bender_studies.bench_trials.whole_run import (
-    WholeRun,
-    code_of,
-    first_of,
-    hil_words,
-    journal_faults,
-    journal_of,
-    write_bench,
-)
+from bench_trials.stand_in import MISBEHAVIOUR
+from bench_trials.whole_run import WholeRun, code_of, first_of, hil_words, journal_faults, journal_of
+
+from bender_hil.emulated import EmulatedBench
+from bender_hil.guard.settings import GuardOrders
+from bender_hil.supply.select import SupplySettings
+from bender_loop.errors import RunError
+from bender_studies.bench_trials.as_hardware import write_bench
 
 SIGNALS = ("SIGKILL", "SIGSTOP", "SIGTSTP", "SIGQUIT", "SIGTERM", "SIGINT", "SIGHUP")
 TARGETS = ("controller", "guard", "terminal")
@@ -151,7 +146,7 @@ class _Trial:
         orders = GuardOrders(
             SupplySettings(self._supply.resource, timeout_s=0.1), str(self._folder / "guard.jsonl"), limits
         )
-        return ["-m", "bender_studies.bench_trials.stand_in", asked, orders.to_json()]
+        return [stand_in.__file__, asked, orders.to_json()]
 
     def _note_family(self) -> None:
         known = {self._run.process.pid, *self._family}

@@ -6,9 +6,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
 
+from bench_trials.fault_matrix import SETTINGS, Cell
+
 from bender_hil.emulated import EmulatedBench
 from bender_loop.errors import RunError
-from bender_studies.bench_trials.fault_matrix import SETTINGS, Cell
 
 _TRIALS = 3
 """A busy machine may end a run before its fault comes."""
@@ -23,7 +24,6 @@ def run_matrix(
     folder: Path,
     *,
     at_once: int = 3,
-    done: Callable[[str, str], object] = lambda _fault, _state: None,
 ) -> list[Cell]:
     """Return the cells of all pairs of fault and state, in their order.
 
@@ -33,7 +33,6 @@ def run_matrix(
         fmu: the plant behind every bench.
         folder: for what the cells leave; made here.
         at_once: so many cells run at the same time.
-        done: is told of every pair that is done.
     """
     folder.mkdir(parents=True, exist_ok=True)
     free: SimpleQueue[EmulatedBench] = SimpleQueue()
@@ -50,7 +49,6 @@ def run_matrix(
             return Cell(*pair, "not reached", None, reason)
         finally:
             free.put(bench)
-            done(*pair)
 
     with ExitStack() as ends:
         for _ in range(at_once):

@@ -4,14 +4,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from mishaps import MISHAPS
 from numpy.typing import NDArray
 
-from bender_emulator.microscope import Scene
+from bender_emulator.microscope import Scene, SceneSettings
 from bender_hil.calibration import Calibration
 from bender_hil.vision import Tracker, TrackerSettings
 from bender_loop.errors import RunError
-from bender_studies.vision.cases import any_scene
-from bender_studies.vision.mishaps import MISHAPS
 
 ALLOWED_PX = 0.5
 _FRAMES_PER_SCENE = 60
@@ -114,3 +113,26 @@ def _show(
         return None
     tally.silent += 1
     return error_um
+
+
+def any_scene(rng: np.random.Generator) -> SceneSettings:
+    """A scene somewhere between the cases."""
+    return SceneSettings(
+        um_per_px=rng.uniform(1.0, 2.0),
+        rest_x_px=rng.uniform(300.0, 480.0),
+        rest_y_px=rng.uniform(180.0, 300.0),
+        rest_angle_deg=rng.uniform(-5.0, 5.0),
+        rotation_rad_per_um=rng.uniform(0.0, 6.4e-4),
+        light_levels=rng.uniform(110.0, 225.0),
+        light_slope=rng.uniform(0.0, 0.4),
+        vignette=rng.uniform(0.0, 0.6),
+        opacity=rng.uniform(0.5, 0.9),
+        halo=rng.uniform(0.0, 0.1),
+        glint=rng.uniform(0.0, 0.2),
+        blur_px=rng.uniform(0.8, 3.0),
+        noise_levels=rng.uniform(2.0, 7.0),
+        dust=int(rng.integers(0, 20)),
+        specks=int(rng.integers(0, 40)),
+        fibres=int(rng.integers(0, 3)),
+        jpeg_quality=int(rng.choice([0, 0, 90, 75])),
+    )

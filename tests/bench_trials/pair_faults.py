@@ -5,6 +5,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench_trials.whole_run import WholeRun, code_of, first_of, has_stood, hil_words, journal_of, last_word_faults
+
 from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
@@ -12,17 +14,7 @@ from bender_hil.log.read_run import RUN
 from bender_hil.sources.amplifier import Amplifier
 from bender_loop.errors import RunError
 from bender_loop.shell.last_word import UNCONFIRMED
-from bender_studies.bench_trials.whole_run import (
-    HARMLESS_V,
-    WholeRun,
-    code_of,
-    first_of,
-    has_stood,
-    hil_words,
-    journal_of,
-    last_word_faults,
-    write_bench,
-)
+from bender_studies.bench_trials.as_hardware import HARMLESS_V, write_bench
 
 SOURCES = ("9115", "33500", "SDG", "MDT693B", "GCS", "daq")
 SENSORS = (MICROSCOPE, "DMM6500", "34465A", "RedPitaya", "DSOX", "text", "daq")

@@ -4,12 +4,14 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+from bench_trials.fault_matrix import Cell, judged
+from bench_trials.whole_run import WholeRun, has_stood, hil_words
+
 from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_emulator.microscope.faults import FAULTS, RECORDING
 from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
-from bender_studies.bench_trials.fault_matrix import Cell, judged
-from bender_studies.bench_trials.whole_run import HARMLESS_V, WholeRun, has_stood, hil_words, write_bench
+from bender_studies.bench_trials.as_hardware import HARMLESS_V, write_bench
 
 CAMERA_FAULTS = tuple(name for name in FAULTS if name != RECORDING)
 """A recording cannot be told from a tip that rests, and in these states the command rests."""

@@ -1,4 +1,4 @@
-"""Stands in for the controller of a run and does something wrong in it (`python -m …bench_trials.stand_in`).
+"""Stands in for the controller of a run and does something wrong in it (a program).
 
 It ends as every command does: with what the guard has said as its last line, and the status that goes with it.
 """

@@ -24,13 +24,13 @@ def sound(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:
     return scene.render(tip_um, rng.uniform(0.0, 2000.0), 0.004), (tip_um,)
 
 
-def no_wire(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:  # noqa: ARG001
+def no_wire(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:
     """The wire has fallen off."""
     levels = scene.light * _through(scene, rng, 30, 100, 6)
     return scene.develop(levels), ()
 
 
-def another_wire(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:  # noqa: ARG001
+def another_wire(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:
     """The wire is gone and something thinner or thicker hangs into the picture."""
     factor = rng.uniform(0.35, 0.7) if rng.random() < 0.5 else rng.uniform(1.8, 3.0)
     return scene.develop(scene.light * (1.0 - _stray(scene, rng, factor))), ()
@@ -41,7 +41,7 @@ def two_wires(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:
     return scene.develop(scene.clean(tip_um) * (1.0 - _stray(scene, rng, 1.0))), (tip_um,)
 
 
-def out_of_view(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:  # noqa: ARG001
+def out_of_view(scene: Scene, tip_um: float, rng: np.random.Generator) -> Bad:
     """The tip has left the picture, or nearly."""
     span_um = scene.settings.height_px * scene.settings.um_per_px
     far_um = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.3, 0.8) * span_um
