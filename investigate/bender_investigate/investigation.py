@@ -287,7 +287,7 @@ class Investigation:
             state.ended, state.why = "verdict", f"the verdict stands{left}"
             return
         if state.plays > self.settings.experiments:
-            state.ended, state.why = "experiments", f"{state.plays} excitations did not settle it"
+            state.ended, state.why = "experiments", f"{state.plays} excitations did not lead to a verdict"
             return
         name = f"experiment-{state.plays}"
         proposal = diagnosis.next_experiment
@@ -313,7 +313,9 @@ class Investigation:
         if safe is None:
             state.ended, state.why = "no experiment", "every further excitation might leave the limits"
             return
-        why = f"the first records leave it {diagnosis.verdict}: another excitation, unlike the first"
+        why = (
+            f"after the first records the verdict is {diagnosis.verdict}: another excitation, different from the first"
+        )
         self._take(name, stage.play(name, safe, why))
 
     def _safe(self, stage: Stage, profile: Voltages) -> Voltages | None:
@@ -352,7 +354,7 @@ class Investigation:
         if diagnosis is None or probed is None:
             return None, "there is no verdict, the old gains stay", None
         if diagnosis.verdict == "no_gap":
-            return None, "the model stands, and so do its gains", None
+            return None, "the model is confirmed, so its gains stay", None
         if diagnosis.verdict not in ("named", "recalibrated"):
             return None, f"a verdict of {diagnosis.verdict} gives no model to tune on, the old gains stay", None
         if not is_written(diagnosis.findings, diagnosis.gap):

@@ -112,7 +112,7 @@ def refusal(voltages: Voltages, allowed: Allowed, models: Sequence[Model]) -> st
         try:
             least_um, most_um = reached_um(model, voltages, allowed.rate_Hz)
         except (ArithmeticError, ModelError) as error:
-            return f"by the model {model.name} nobody can say where the tip goes ({error})"
+            return f"the model {model.name} cannot predict where the tip goes ({error})"
         if least_um < low_um or most_um > high_um:
             return (
                 f"by the model {model.name} the tip goes from {least_um:.4g} to {most_um:.4g} µm, the bench allows "

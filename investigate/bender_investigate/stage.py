@@ -196,14 +196,14 @@ class Stage:
         self._account(kept)
         voltages = _profile_of(folder) or wanted
         if kept is not None and kept.record is not None and self._is_whole(folder):
-            self.tell(f"{folder.name}: played in an earlier sitting")
+            self.tell(f"{folder.name}: run before the interruption")
             return [kept.record]
         reached_s = -1.0 if kept is None else kept.seconds
         records = [kept.record] if kept is not None and kept.record is not None and reached_s >= LEAST_S else []
         rest = _rest_of(voltages, reached_s, self.bench.allowed.rate_Hz, self.bench.allowed.change_V)
         is_over = any(not x.startswith(MISHAPS) for x in self._trips(folder))
         if rest is None or is_over:
-            self.journal.write("recovered", "what an earlier sitting played is enough", folder=folder.name)
+            self.journal.write("recovered", "the runs before the interruption are enough", folder=folder.name)
             if not records:
                 raise TrippedError(f"{folder.name}: an earlier sitting was ended here; look at the bench, start anew")
             return records

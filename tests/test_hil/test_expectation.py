@@ -362,7 +362,7 @@ def test_a_loop_that_works_is_as_planned(seed: int, aim_um: float, noise_um: flo
         (_loop(gain=-0.5), "not reached"),
         (_loop(gain=0.3, limit_V=40.0), "not reached"),
         (_loop(stuck_at_um=8.0), "not reached"),
-        (_loop(creep_um_per_s=1.5, seconds=8.0), "creeps away"),
+        (_loop(creep_um_per_s=1.5, seconds=8.0), "the command drifts"),
     ],
 )
 def test_a_loop_that_fails_is_not_as_planned(log: RunLog, words: str):

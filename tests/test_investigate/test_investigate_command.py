@@ -59,7 +59,7 @@ def test_on_the_emulated_bench_within_a_budget_and_taken_up_again(tmp_path: Path
     before = sorted(x.name for x in out.iterdir())
     again = subprocess.run([*words, "--resume"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200)
     assert again.returncode == 0, again.stderr
-    assert "01-rest: played in an earlier sitting" in again.stdout
+    assert "01-rest: run before the interruption" in again.stdout
     assert sorted(x.name for x in out.iterdir()) == before
     assert [x["kind"] for x in read_decisions(out / JOURNAL)].count("play") == 1
 

@@ -119,8 +119,8 @@ def _alternatives(findings: Findings) -> list[str]:
         return []
     told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)} of the gap)" for x in known]
     if findings.verdict == "recalibrated":
-        return [f"as good an explanation: the given numbers unchanged, and one of these effects: {'; '.join(told)}"]
-    return [f"nearest to an explanation, but not certain: {'; '.join(told)}"]
+        return [f"these effects, with the given parameters unchanged, fit as well: {'; '.join(told)}"]
+    return [f"the best attempts, none of them certain: {'; '.join(told)}"]
 
 
 def _unusual(effect: ReportedEffect) -> list[str]:
@@ -185,8 +185,8 @@ def _of_one_record(findings: Findings) -> list[str]:
         if k != findings.of_record
     ]
     return [
-        f"model.toml and model.fmu stand for record {findings.of_record + 1}, with its surroundings and its offset; "
-        f"the gap is that of every record with its own ({'; '.join(told)})"
+        f"model.toml and model.fmu describe record {findings.of_record + 1}, with its surroundings and its offset; "
+        f"the gap uses those of each record ({'; '.join(told)})"
     ]
 
 
@@ -216,7 +216,7 @@ def _hardly_excited(search: SearchResult) -> list[str]:
     counts = [changes_V(record.voltage_V).size for record in search.records]
     if max(counts) > FEW_CHANGES:
         return []
-    times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
+    times = {1: "once", 2: "twice"}.get(max(counts), "hardly")
     return [
         f"the {input_word()} changes only {times} (with the jump from 0 V before the first row). That cannot show "
         "hysteresis, saturation, a dead zone, a slew limit or lens distortion; record a staircase up and down with "
@@ -260,7 +260,7 @@ def _stopped(search: SearchResult) -> list[str]:
 def beginning(start: str, rest_before_V: float | None) -> str:
     """Return how a record is taken to begin, from `start` and `start_input` of `diagnosis.json`."""
     if rest_before_V is not None:
-        return f"begins after a stand at {quantity(rest_before_V, 'V')}"
+        return f"begins after resting at {quantity(rest_before_V, 'V')}"
     return f"begins {'in motion' if start == 'motion' else 'at rest'}"
 
 
@@ -289,7 +289,7 @@ def _between_rows(search: SearchResult) -> list[str]:
         return []
     course = {"linear": "running straight from row to row", "smooth": "band-limited between the rows"}
     taken = course[search.settings.input_hold]
-    return [f"the command is taken as {taken}, which fits far better than a held one (to set it: --input-hold)"]
+    return [f"the command is treated as {taken}, which fits far better than a held one (--input-hold sets this)"]
 
 
 def _begun(search: SearchResult) -> list[str]:
@@ -298,14 +298,14 @@ def _begun(search: SearchResult) -> list[str]:
     for k, (record, x) in enumerate(zip(search.records, search.whole, strict=True)):
         if x.start == "rest":
             continue
-        told = "the command before its first row is unknown, and assumed"
+        told = "the command before its first row is unknown and was assumed"
         if x.rest_before_V is not None:
-            told = f"the plant is taken to have stood at {quantity(x.rest_before_V, 'V')} before its first row"
+            told = f"the plant is assumed to have rested at {quantity(x.rest_before_V, 'V')} before its first row"
         heard = np.flatnonzero(np.isfinite(x.measured_um))
         first = int(np.argmax(np.isfinite(record.displacement_um)))
         if heard.size and heard[0] > first:
             rings_s = float(x.time_s[heard[0]] - x.time_s[0])
-            told += f"; the first {quantity(rings_s, 's')}, in which an earlier motion may still ring, are left out"
+            told += f"; the first {quantity(rings_s, 's')} are left out, because an earlier motion may still ring there"
         found.append(f"{_name(search, k)}the record begins in motion: {told}")
     return found
 
@@ -321,7 +321,7 @@ def _searched_in_part(search: SearchResult) -> list[str]:
 
 
 def _but_for(rows: int) -> str:
-    return f" but for the first {rows}, as the command before the record is unknown" if rows else ""
+    return f" except the first {rows}, because the command before the record is unknown" if rows else ""
 
 
 def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
@@ -334,8 +334,8 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
         return []
     return [
-        f"the residual is {quantity(measured.after.rms_um, 'um')} over the whole, but {quantity(there, 'um')} in the "
-        "rows of the search: the model still lacks something slow, or something that happens in other rows; diagnose "
+        f"the residual is {quantity(measured.after.rms_um, 'um')} over the whole record, but "
+        f"{quantity(there, 'um')} in the rows of the search: the model still lacks something slow, or something that happens in other rows; diagnose "
         "a part of the record where the gap is large"
     ]
 

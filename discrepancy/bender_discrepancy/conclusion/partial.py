@@ -19,7 +19,7 @@ from bender_discrepancy.search.noise import residual_square_um2
 from bender_discrepancy.search.result import SearchResult
 from bender_report.wording import listed
 
-REASON = "the search was interrupted; what it would have tried next might stand in place of this, or beside it"
+REASON = "the search was interrupted; effects that it had not tried yet may replace this one or be missing beside it"
 
 
 def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) -> dict[str, Any]:

@@ -58,14 +58,14 @@ def headline(findings: Findings, measured: Measured) -> str:
     if findings.verdict == "unexplained":
         known = f", beside {listed(added)}" if added else ""
         has_equation = findings.search.best.hypothesis.equation is not None
-        then = "; an equation without a name stands in its place" if has_equation else ""
-        return f"Something is missing that no effect of the catalogue explains{known}{then}."
+        then = "; the corrected model describes it by an equation" if has_equation else ""
+        return f"The model lacks something that no effect of the catalogue explains{known}{then}."
     if findings.verdict == "recalibrated":
         changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
         own = any(x.name not in ("gain", "offset") for x in findings.recalibrated)
         off = "numbers of the model were off" if own else "only the reading was off"
         return f"Nothing is missing, {'but ' if own else ''}{off}: {listed(changes)}."
-    return "Simulation and measurement agree: what differs is noise."
+    return "Simulation and measurement agree: they differ by noise only."
 
 
 def _likely(findings: Findings) -> str:
@@ -82,7 +82,7 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
         return ""
     if measured.after.rms_um >= measured.recalibrated.rms_um:
         shown = "them" if len(findings.added) > 1 else "it"
-        return f"; held-out readings, with a residual of {residual(measured)}, do not show {shown}"
+        return f"; held-out readings, with a residual of {residual(measured)}, do not confirm {shown}"
     several = len(findings.added) > 1
     own = listed([x.name for x in findings.recalibrated if x.name not in OF_THE_READING])
     closing = "they close" if several else "it closes"
@@ -90,7 +90,7 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
         closing = f"{'they' if several else 'it'} and another {own} close"
     closed = percent(measured.closed[0])
     if measured.after.rms_um**2 <= (1.0 + RULES.at_noise) * measured.floor_um**2:
-        left = "On held-out readings that leaves {}; other parts of the record keep more than noise"
+        left = "On held-out readings the residual is {}; elsewhere in the record it is larger than noise"
         return f"; {closing} {closed} of the gap. {left.format(residual(measured))}"
     return f"; {closing} {closed} of the gap. {residual(measured)}, stays unexplained"
 
@@ -119,9 +119,7 @@ def _alike(findings: Findings) -> tuple[str, str]:
     """Return the effects in which the best hypothesis differs from the others that fit as well, and theirs."""
     known = {x.id for x in findings.certain}
     own = [listed([title_of(x) for x in y.hypothesis.effects if x not in known]) for y in findings.leaders]
-    return own[0], listed(
-        [x for x in dict.fromkeys(own[1:]) if x], "or"
-    ) or "another effect that remembers earlier commands"
+    return own[0], listed([x for x in dict.fromkeys(own[1:]) if x], "or") or "another effect with memory"
 
 
 def _ambiguity(findings: Findings, own: str, others: str) -> str:
@@ -150,7 +148,7 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
         start = f"the gap falls from {quantity(before, 'um')} rms"
     elif findings.added and findings.lattice is not None:
         steps = quantity(findings.lattice.share_um, "um")
-        return f"On held-out readings they differ by {quantity(after, 'um')} rms; {steps} of it are the steps."
+        return f"On held-out readings they differ by {quantity(after, 'um')} rms; rounding explains {steps} of it."
     else:
         return f"On held-out readings a gap of {quantity(after, 'um')} rms remains; {floor}."
     return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}."
@@ -175,27 +173,27 @@ def _of_those(findings: Findings) -> str:
 
 
 _REACHES = {
-    "plainer": "{}, which is simpler, in its place is worse by less than a hundredth of the gap",
-    "other side": "{}, the same lag at the other end of the device, is worse by less than a hundredth of the gap",
+    "plainer": "the simpler {} in its place fits as well (within 1 % of the gap)",
+    "other side": "{}, the same lag on the other side of the device, fits as well (within 1 % of the gap)",
     "predicts as well": "{} in its place predicts unseen readings nearly as well",
     "fits as well": "{} in its place fits all readings as well, but predicts unseen ones less well",
 }
 
 
 _STAYS_OPEN: dict[Reach, str] = {
-    "": "one sine excludes no effect that remembers earlier commands",
-    "plainer": "it is simpler, and worse by less than a hundredth of the gap",
-    "other side": "it is the same lag at the other end of the device, and worse by less than a hundredth of the gap",
+    "": "a single sine cannot exclude an effect with memory",
+    "plainer": "it is simpler and fits as well (within 1 % of the gap)",
+    "other side": "it is the same lag on the other side of the device and fits as well (within 1 % of the gap)",
     "predicts as well": "it predicts unseen readings nearly as well",
     "fits as well": "it fits all readings as well",
-    "as large": "it leaves less than twice as much beyond the noise",
+    "as large": "its residual above the noise is less than twice as large",
 }
 """Why a rival is reported although the criterion is clearly against it."""
 
 
 def _beside(contender: Contender, decides: float) -> str:
     if not contender.rivals:
-        return "nothing else that was tried comes near"
+        return "no other effect that was tried comes close"
     first: Rival = contender.rivals[0]
     if not math.isfinite(first.difference):
         return f"there are too few readings to choose between it and {contender.rival_of or first.id}"
@@ -208,14 +206,14 @@ def _beside(contender: Contender, decides: float) -> str:
     if first.reach in _REACHES:
         return _REACHES[first.reach].format(first.id)
     if first.difference < 0.0:
-        return f"{first.id} in its place was better until the others were added"
+        return f"{first.id} in its place fitted better before the other effects were added"
     if first.difference < decides:
         return (
             f"{first.id} in its place is not ruled out (evidence {figure(first.difference)}; "
             f"{figure(decides, 2)} would decide)"
         )
     if first.reach == "as large":
-        return f"{first.id} in its place leaves less than twice as much beyond the noise"
+        return f"with {first.id} in its place the residual above the noise is less than twice as large"
     return (
         f"the next best in its place, {first.id}, is ruled out (evidence {figure(first.difference)}; "
         f"{figure(decides, 2)} decides)"
@@ -225,12 +223,12 @@ def _beside(contender: Contender, decides: float) -> str:
 def _of_the_lattice(found: Lattice) -> str:
     step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
     before, after = figure(found.before_um), quantity(found.after_um, "um")
-    farther = ": the rest of the gap is too large for rounding to help"
+    farther = ": the remaining gap is too large for rounding to matter"
     left_out = "" if found.is_simulated else ", and the corrected model is not rounded"
     beside = farther + left_out if found.after_um > found.before_um else left_out
     return (
         f"The readings are multiples of {step} (agreement {agreed} of 1), and rounding the "
-        f"simulation to them takes the residual from {before} to {after} rms on held-out readings{beside}."
+        f"simulation to them changes the residual from {before} to {after} rms on held-out readings{beside}."
     )
 
 

@@ -101,7 +101,7 @@ def find_lead(search: "SearchResult") -> Lead:
     share = ground.share(best, judging) if best else 0.0
     if best is None or not share >= LEAST_SHARE or ground.spoils(best, _held_out_blocks(ground)) > MOST_SPOILT:
         least = percent(LEAST_SHARE)
-        return Lead(None, reason=f"no equation of few terms covers {least} of the residual on held-out readings")
+        return Lead(None, reason=f"no equation of few terms explains {least} of the residual on held-out readings")
     return Lead(best, share, int(usable.sum()), "", _drawn(ground, best))
 
 

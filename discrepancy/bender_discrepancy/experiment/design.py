@@ -91,10 +91,10 @@ class Experiment:
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
         if self.distance_um < self.unexplained_um:
-            beside += ", too little beside what none of them explains"
+            beside += ", which is small compared with what none of them explains"
         if not self.tells_apart:
             return (
-                f"no command that was tried would distinguish them: under the best, {played}, they would differ by "
+                f"no command that was tried would distinguish them: with the best one, {played}, they would differ by "
                 f"{beside}"
             )
         return f"{played} would distinguish them: they would differ by {beside}, each at its best"

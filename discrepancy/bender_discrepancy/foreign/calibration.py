@@ -202,17 +202,24 @@ def _sensitivities(
         column = task.without_reading(raw, simulated)
         least = noise_um / UNSEEN
         if not float(np.linalg.norm(raw)) > max(least, 1e-9 * float(np.ptp(simulated))):
-            unseen[suspect.name] = "the record cannot see it: nothing in it moves by more than the noise leaves open"
+            unseen[suspect.name] = (
+                "the record does not determine it: changing it changes the simulation by less than the noise"
+            )
         elif not float(np.linalg.norm(column)) > max(least, 2e-3 * float(np.linalg.norm(raw))):
-            unseen[suspect.name] = "it acts as gain and offset of the reading do, which are free"
+            unseen[suspect.name] = (
+                "it cannot be distinguished from gain and offset of the reading, which are fitted too"
+            )
         else:
             twin = next((x for x, y in columns.items() if _alike(column, y, noise_um)), None)
             if twin is None:
                 columns[suspect.name] = column
             else:
                 together.setdefault(twin, [twin]).append(suspect.name)
-                unseen[suspect.name] = f"it acts only together with {twin}, which was fitted"
-    unseen |= {x: "it acts only together with others, which were fitted" for x in _dependent(columns, noise_um)}
+                unseen[suspect.name] = f"the record determines it only together with {twin}, which was fitted"
+    unseen |= {
+        x: "the record determines it only together with others, which were fitted"
+        for x in _dependent(columns, noise_um)
+    }
     kept = {x: y for x, y in columns.items() if x not in unseen}
     dependent = [tuple(columns)] if len(kept) < len(columns) else []
     return kept, unseen, (*(tuple(x) for x in together.values()), *dependent)

@@ -435,9 +435,8 @@ def _together(
         reason = "each output has a correction of the input of its own: one FMU cannot have them all"
         return Together(found, chosen, {}, {}, reason)
     if best.apart:
-        reason = (
-            f"{', '.join(sorted(best.apart))} has more on the input than all outputs share: one FMU cannot have both"
-        )
+        named = ", ".join(sorted(best.apart))
+        reason = f"{named} has an effect on the input that other outputs contradict: one FMU cannot have both"
         return Together(found, chosen, {}, {}, reason)
     if inside := Together(found, chosen, {}, {}, needing_inside=needing).inside:
         said = ", ".join(sorted({title_of(x) for effects in inside.values() for x in effects}))

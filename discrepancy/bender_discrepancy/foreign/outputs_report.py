@@ -239,7 +239,7 @@ def _place(found: Together, name: str, effect: str) -> str:
         return "inside the FMU"
     if effect in found.best.effects:
         return "the input, which all outputs share"
-    return f"{name} alone" if effect in found.own.get(name, ()) else "nothing: not needed with all outputs together"
+    return f"{name} alone" if effect in found.own.get(name, ()) else "none: not needed with all outputs together"
 
 
 def _way_row(way: JointExplanation, best: JointExplanation) -> list[str]:

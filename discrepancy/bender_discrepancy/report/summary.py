@@ -118,7 +118,7 @@ def _beside(entry: dict[str, Any], decides: float) -> str:
         return ""
     rival = entry["rivals"][0]
     if rival["delta_bic"] is None:
-        return f"; beside {entry.get('rival_of') or rival['id']}, and there are too few readings to choose between them"
+        return f"; {entry.get('rival_of') or rival['id']} is possible too: too few readings to choose between them"
     if entry.get("rival_of"):
         return f"; less likely than {entry['rival_of']}, but not ruled out"
     if rival["delta_bic"] >= decides:

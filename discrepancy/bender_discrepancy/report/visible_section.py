@@ -7,7 +7,7 @@ from bender_discrepancy.conclusion.sentences import heading_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_report.wording import figure, quantity
 
-NEVER = "none of those that are sought, or too small to simulate"
+NEVER = "none of the effects that were sought, or a size that is too small to simulate"
 UP_TO = {"above": "", "below": "up to "}
 DIGITS = (2, 3, 4, 5, 6, 7)
 

@@ -119,7 +119,7 @@ def verdict_on_full_record(verdict: Verdict, held: FullRecordCheck, rules: Rules
     reason = "over the whole records the residual has structure that does not show in the rows that were searched"
     if held.lead and held.lead[1] < TELLING * held.left_um:
         part = 1.0 - held.lead[1] / held.left_um
-        reason += f"; {held.lead[0]} over the whole would take {100.0 * part:.0f} % off it"
+        reason += f"; {held.lead[0]} over the whole record would remove {100.0 * part:.0f} % off it"
     return Verdict("likely" if held.found.best.hypothesis.parts else "unexplained", reason, complete=False)
 
 

@@ -229,7 +229,7 @@ def _of_warmth(courses: Sequence[Course | None], is_film: bool) -> list[str]:
         return [f"witness: the temperature stays within {WARM_K:g} K, which excludes thermal_drift"]
     most_K = max(x.most_K for x in known)
     if most_K == 0.0:
-        return ["witness: the temperature stays, which excludes thermal_drift"]
+        return ["witness: the temperature is constant, which excludes thermal_drift"]
     moved = quantity(MOST_UM_PER_K * most_K, "um", 2)
     changed = quantity(most_K, "K", 2)
     return [f"witness: the temperature changes by no more than {changed}, which excludes a thermal_drift above {moved}"]

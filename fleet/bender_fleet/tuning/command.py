@@ -279,7 +279,7 @@ def _three(values: dict[str, float]) -> list[str | float]:
 
 SETS = "Each set was tuned on units alike in gain, lag and delay; a unit takes the one that serves it best."
 KEEPING = "keep the nominal gains, which serve them best"
-OWN = "have gains of their own, SIMC for their gain, lag and delay: no set serves them as soon as the nominal gains"
+OWN = "have gains of their own (SIMC, from their gain, lag and delay): no set suits them as soon as the nominal gains"
 COLUMNS = (
     "tuned on", "at rest", "Ms median", "Ms 95 %", "Ms worst", "settling median (s)", "settling 95 % (s)",
     "settling worst (s)", "overshoot worst (%)",

@@ -216,7 +216,7 @@ class Guard:
                 self._stopped = True
                 return None
             case other:
-                return Trip("bad_command", f"the controller said {other!r}, which is no order")
+                return Trip("bad_command", f"the controller sent {other!r}, which is no known order")
 
     def _play(self, message: Message) -> Trip | None:
         """Let the source play a whole profile; from then on the controller has to show that it is alive."""

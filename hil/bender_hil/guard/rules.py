@@ -78,7 +78,7 @@ def judge_readings(limits: GuardSettings, seen: Situation) -> Trip | None:
     ):
         most = _ABSURD_TIMES * held
         if value is not None and not (math.isfinite(value) and abs(value) <= most):
-            return Trip("reading", f"a {name} of {value:g} {unit} is measured, nothing beyond {most:g} {unit} can be")
+            return Trip("reading", f"a {name} of {value:g} {unit} is measured, more than the possible {most:g} {unit}")
     return None
 
 

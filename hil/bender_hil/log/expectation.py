@@ -126,7 +126,7 @@ def _drift(time_s: Array, command_V: Array, range_V: float) -> list[str]:
     if abs(second_V) < _STEADY * abs(first_V):
         return []
     rate = (first_V + second_V) / float(time_s[settled][-1] - time_s[settled][0])
-    return [f"the command drifts by {rate:+.2f} V/s at a still set-point: the wire or its picture creeps away"]
+    return [f"the command drifts by {rate:+.2f} V/s at a constant set-point: the wire or its picture moves slowly"]
 
 
 def _run_V(time_s: Array, command_V: Array) -> float:

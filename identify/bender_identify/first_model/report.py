@@ -183,9 +183,9 @@ def doubt_sentence(found: FirstModel) -> str:
     if share >= FOLLOWS or found.loop is not None or found.rival is not None:
         return ""
     return (
-        f"no structure follows these records: on held-out rows {found.chosen.structure.name} explains "
-        f"{max(100.0 * share, 0.0):.0f} % of the variance of the readings. Look at the record: are a part of it, a "
-        "column or a unit not what they seem?"
+        f"no linear structure fits these records: on held-out rows {found.chosen.structure.name} explains "
+        f"{max(100.0 * share, 0.0):.0f} % of the variance of the readings. Check the columns and "
+        "their units, and whether the record is complete"
     )
 
 

@@ -199,7 +199,7 @@ def _build(base: Model, terms: tuple[str, ...], experiments: Sequence[Experiment
         model = with_transducer(base, "sparse_equation", terms=terms, coefficients=tuple(map(float, values)))
         numbers = constants(next(s.parameters for s in model.blocks if s.id == "sparse_equation"), None)
         if not bounds(w_um, u_V, row_s, row_V, numbers)[1] < STIFFEST:
-            raise ValueError("the equation relaxes many times within a row")
+            raise ValueError("the equation relaxes much faster than the rows follow each other")
         return model
 
     return build

@@ -89,9 +89,8 @@ def _repeating(outcome: Identification) -> Iterator[str]:
     factor = outcome.learned.candidate.fit.repeating_factor
     if factor > MUCH_WIDER:
         yield (
-            "part of what the learned equation leaves comes back in every cycle (a term that is missing, or a sensor "
-            f"that errs with the place): the intervals are {factor**0.5:.2g} times as wide as noise alone would make "
-            "them"
+            "part of the residual of the learned equation repeats in every cycle (a missing term, or an error of the "
+            f"sensor that depends on the position): the intervals are {factor**0.5:.2g} times those of noise alone"
         )
 
 
@@ -152,7 +151,4 @@ def _form(outcome: Identification) -> Iterator[str]:
             "equation"
         )
     if not written.remanent:
-        yield (
-            "the written model keeps nothing at 0 V (no remanence): it relaxes, and is no hysteresis in the strict "
-            "sense"
-        )
+        yield ("the written model has no remanence at 0 V: it is a relaxation, not a hysteresis in the strict sense")

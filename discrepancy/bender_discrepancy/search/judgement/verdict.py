@@ -35,18 +35,24 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
         return _without_effects(searched, rules)
     complete = grades.complete
     if grades.one_sine:
-        return Verdict("ambiguous", "one frequency at one amplitude cannot distinguish effects with a memory", complete)
+        return Verdict(
+            "ambiguous", "a record of one frequency at one amplitude cannot distinguish effects with memory", complete
+        )
     if grades.commuting:
-        reason = "the two lags fit as well with each other's time constants; what is read back between them would tell"
+        reason = (
+            "the two lags fit as well with their time constants exchanged; a signal measured between them would decide"
+        )
         return Verdict("ambiguous", reason, complete)
     if all(x.grade == "certain" for x in grades.effects):
         if complete:
             return Verdict("named", "every effect passed its tests, and the residual is at the noise floor")
-        return Verdict("named", "every effect passed its tests; structure above the noise stays unexplained", False)
+        return Verdict(
+            "named", "every effect passed its tests; a part of the residual above the noise stays unexplained", False
+        )
     rivals = list(dict.fromkeys(y.id for x in grades.effects for y in x.near_rivals))
     leading = max(grades.effects, key=lambda x: x.probability)
     if complete and rivals:
-        return Verdict("ambiguous", f"the records fit {', '.join(rivals)} as well within the evidence that they hold")
+        return Verdict("ambiguous", f"the records do not contain enough evidence to exclude {', '.join(rivals)}")
     if leading.grade != "possible":
         return Verdict("likely", _why_likely(grades), complete)
     if rivals:
@@ -66,7 +72,7 @@ def _without_effects(searched: Searched, rules: Rules) -> Verdict:
         if not rules.is_relevant(archive, best):
             return _immaterial(searched, rules)
         if not extremes_at_floor(best, archive.problem, archive.noise_um):
-            reason = "some consecutive readings lie further from the simulation than noise explains"
+            reason = "some consecutive readings differ from the simulation by more than noise"
             return Verdict("unexplained", reason, complete=False)
         return Verdict("unexplained", "nothing that was tried predicts unseen blocks better", complete=False)
     if best.hypothesis.own is not None:
@@ -78,7 +84,7 @@ def _without_effects(searched: Searched, rules: Rules) -> Verdict:
 
 def _immaterial(searched: Searched, rules: Rules) -> Verdict:
     """More than noise is left, but less than what anybody would miss."""
-    reason = f"what is left is above the noise, but below {100.0 * rules.relevant:g} % of the stroke (--relevant)"
+    reason = f"the residual is above the noise, but below {100.0 * rules.relevant:g} % of the stroke (--relevant)"
     is_other = searched.best.hypothesis.own is not None or calibration_matters(searched.archive, searched.base, rules)
     return Verdict("recalibrated" if is_other else "no_gap", reason, complete=False)
 
