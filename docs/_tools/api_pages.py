@@ -1,4 +1,4 @@
-"""Sphinx extension: one page below `api/` for every folder of every room, made from its docstrings."""
+"""Sphinx extension: a page below `api/` for every folder of the packages in `api_packages`, from docstrings."""
 
 import importlib.util
 import inspect
@@ -14,8 +14,9 @@ FOLDER = "api"
 _INDEX = """\
 # API
 
-Every module of every room, from its docstrings. The interface that stays (commands, files, columns of a record,
-variables of the FMUs) is in the [reference](../reference/commands.md); names here may change with any version.
+What a program or a package of yours may use, from the docstrings; everything else is read in its source. The interface
+that stays (commands, files, columns of a record, variables of the FMUs) is in the [reference](../reference/commands.md);
+names here may change with any version.
 
 ```{{toctree}}
 :maxdepth: 1

@@ -47,10 +47,10 @@ def main() -> None:
         left_um = record.displacement_um - simulated_um
         rms_um = [float(np.sqrt(np.mean(left_um[row] ** 2))) for row in rows]
         error.stairs(rms_um, edges, color=light(kind), lw=2.0, baseline=None, label=label)
-    error.set(yscale="log", ylim=(0.03, 0.8), ylabel="residual in the block\n(µm rms)", xlabel="time (s)")
-    error.set_yticks([0.05, 0.1, 0.2, 0.5], ["0.05", "0.1", "0.2", "0.5"])
+    error.set(yscale="log", ylim=(0.03, 2.0), ylabel="residual in the block\n(µm rms)", xlabel="time (s)")
+    error.set_yticks([0.05, 0.1, 0.2, 0.5, 1.0], ["0.05", "0.1", "0.2", "0.5", "1"])
     error.minorticks_off()
-    error.legend(loc="center right", frameon=False, fontsize=9)
+    error.legend(loc="upper right", frameon=False, fontsize=9, ncols=2)
     patches = [Patch(color=colour, label=role) for role, colour in ROLES.items()]
     figure.legend(handles=patches, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
     figure.savefig(PICTURE)

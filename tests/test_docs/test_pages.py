@@ -40,7 +40,7 @@ def test_the_architecture_page_knows_every_room() -> None:
 def test_the_architecture_page_has_the_layers(name: str) -> None:
     (layers,) = [contract["layers"] for contract in CONTRACTS if contract["name"] == name]
     if name == "Rooms in their order":
-        assert "```\n" + "\n".join(layers) + "\n```" in _text(ARCHITECTURE)
+        assert "```text\n" + "\n".join(layers) + "\n```" in _text(ARCHITECTURE)
         return
     _, _, table = _text(ARCHITECTURE).partition("Inside `bender_discrepancy`")
     first_cells = re.findall(r"^\| (`.+?) \|", table, re.MULTILINE)

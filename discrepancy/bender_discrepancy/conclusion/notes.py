@@ -335,8 +335,8 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
         return []
     return [
         f"the residual is {quantity(measured.after.rms_um, 'um')} over the whole record, but "
-        f"{quantity(there, 'um')} in the rows of the search: the model still lacks something slow, or something that happens in other rows; diagnose "
-        "a part of the record where the gap is large"
+        f"{quantity(there, 'um')} in the rows of the search: the model still lacks something slow, or "
+        "something that happens in other rows; diagnose a part of the record where the gap is large"
     ]
 
 
