@@ -404,7 +404,10 @@ def _last_of_parts(parent: NDArray[np.int64], last: NDArray[np.int64]) -> NDArra
     return np.where(last < 0, -1, ends[last])
 
 
-def advance(block: Block, parameters: Any, model: Model, stage: Stage, state: Any = None) -> tuple[Stage, Any]:
+def advance(
+    block: Block, parameters: Any, model: Model, stage: Stage, state: Any = None,
+    known: tuple[tuple[Any, ...], float] | None = None,
+) -> tuple[Stage, Any]:  # fmt: skip
     """Take what is known before a block through it.
 
     Args:
@@ -413,6 +416,7 @@ def advance(block: Block, parameters: Any, model: Model, stage: Stage, state: An
         model: whose block it is.
         stage: before it.
         state: of the block at the beginning; None for rest.
+        known: its constants and what it gives at rest, where they were computed before.
 
     Returns:
         What is known behind it, and the state of the block at the end.
@@ -426,10 +430,11 @@ def advance(block: Block, parameters: Any, model: Model, stage: Stage, state: An
         after.quasi_static = signal
     if place > STAGES.index("structure") and after.tip_um is None:
         after.tip_um = signal.at_rows()
-    constants = constants_of(block, parameters, model)
+    constants = constants_of(block, parameters, model) if known is None else known[0]
     x = _beside(block, after) if block.beside else signal
     arguments: tuple[Any, ...] = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
-    initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
+    begin_s = float(signal.t[0]) if signal.t.size else 0.0
+    initial = _at_rest(block, parameters, model, after, begin_s) if known is None else known[1]
     if block.corner is None:
         y0, ym, y1, state = uncut_values(block, constants, arguments, state)
         # of a long record every array is large: stages on the same sub-steps share what says where these are

@@ -90,6 +90,7 @@ class Stream:
     _chains: list[tuple[Key, list[tuple[Block, Any]]]] = field(init=False)
     _feeds: dict[Key, _Feed] = field(init=False)
     _states: dict[Key, Any] = field(init=False)
+    _known: dict[Key, tuple[tuple[Any, ...], float]] = field(default_factory=dict[Key, tuple[tuple[Any, ...], float]])
     _time_s: float | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -157,8 +158,10 @@ class Stream:
                 key += ((block.id, parameters),)
                 known = stages.get(key)
                 if known is None:
-                    known, state = advance(block, parameters, model, stage, self._states.get(key))
+                    known, state = advance(block, parameters, model, stage, self._states.get(key), self._known.get(key))
                     stages[key], self._states[key] = known, state
+                    if key not in self._known:
+                        self._known[key] = (constants_of(block, parameters, model), known.signal.initial)
                 stage = known
             readings[number] = stage.signal.at_rows()
         return readings

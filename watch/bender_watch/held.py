@@ -28,7 +28,8 @@ class Pending:
 class Block:
     """Rows beside what is expected of them.
 
-    `columns_um` has what is not known of a record, and last the doubt of that; `gaps` has `GAP` for a row behind one.
+    `columns_um` has what is not known of a record, the drift, and last a doubt; `steps` the time before each row in
+    lengths of the drift; `gaps` has `GAP` for a row behind one.
     """
 
     rows: Rows
@@ -36,6 +37,7 @@ class Block:
     signatures_um: Array
     residual_um: Array
     columns_um: Array
+    steps: Array
     spread: Array
     beyond: NDArray[np.bool_]
     gaps: NDArray[np.int64]
@@ -44,5 +46,5 @@ class Block:
         """Return some of the rows."""
         return Block(
             self.rows.part(where), self.expected_um[where], self.signatures_um[where], self.residual_um[where],
-            self.columns_um[where], self.spread[where], self.beyond[where], self.gaps[where],
+            self.columns_um[where], self.steps[where], self.spread[where], self.beyond[where], self.gaps[where],
         )  # fmt: skip

@@ -40,7 +40,7 @@ from bender_watch.watcher import Event, Tell, Watcher
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
 LOCK = ".lock"
 SAVED_EVERY_S = 5.0
-FORMAT = 7
+FORMAT = 8
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 
@@ -271,7 +271,7 @@ class Session:
             name.removeprefix("training."): x for name, x in arrays.items() if name.startswith("training.")
         }
         model = model_from_table(header["facts"]["model"])
-        like, drifts = Signatures.of(header["facts"]["signatures"]), header["facts"]["drift_s"] is not None
+        like, drifts = Signatures.of(header["facts"]["signatures"]), header["facts"]["drifts"]
         self.watcher = self._watcher(model, Record(**columns), "the training record", like, drifts=drifts)
         self.watcher.restore(header["facts"], arrays)
         self.source.position = self._position = header["position"]

@@ -23,7 +23,7 @@ from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_cl
 from bender_watch.alarm.still import ADVICE, NO_READING, is_still, moves, repeats_of, silent_after
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
-from bender_watch.baseline.drift import SLOPES
+from bender_watch.baseline.drift import FOLLOWED, SLOPES
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
 from bender_watch.follow.rows import Rows
@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 Event = dict[str, Any]
 Tell = Callable[[str], None]
 
-AT_ONCE = 8192
-"""Rows that the model is driven with at once, at most."""
+AT_ONCE = 1024
+"""Rows that the model is driven with at once, at most: what it computes of them stays in the cache of a core."""
 STRETCH = 1024
 """Rows that are judged at once, at most; explanations and trends come at multiples of it."""
 A_GAP = 1.5
@@ -60,6 +60,9 @@ LEFT_BY_A_PAST = 0.3
 """Part of a first reading beyond rest that what came before must be able to add, to be why."""
 UNKNOWNS = 1 + COUNT
 """Columns that are not known of a record: its level, and what came before it."""
+OPENED_AT = np.cumsum([1, 1, 1, 1, UNKNOWNS, FOLLOWED]).tolist()
+OPENED = OPENED_AT[-1] + 1
+"""Columns of the first rows of a record: residual, spread, gap, step, what is not known, the drift, and a doubt."""
 BACK = 8
 """Times the rows of an exceedance that its beginning is sought in."""
 
@@ -108,6 +111,7 @@ class Watcher:
     _deviations: Array = field(default_factory=lambda: np.zeros(UNKNOWNS), init=False)
     _moved: Array = field(init=False)
     _behind_s: float = field(default=0.0, init=False)
+    _clock_s: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.lane, self.trends, self._moved = Lane(), Trends(), np.zeros(2)
@@ -116,10 +120,10 @@ class Watcher:
         self._take_baseline(self.baseline, 0.0)
 
     def _take_baseline(self, baseline: Baseline, level_um: float) -> None:
-        self.baseline, self._opening = baseline, np.zeros((0, 4 + UNKNOWNS + SLOPES))
-        self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS + SLOPES, SLOPES)
-        known, drift = np.append(level_um, baseline.past), baseline.drift
-        self._take_known(known, np.zeros((UNKNOWNS, UNKNOWNS)), drift.slopes, drift.covariance)
+        self.baseline, self._opening = baseline, np.zeros((0, OPENED))
+        self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS + FOLLOWED, FOLLOWED)
+        known = np.append(level_um, baseline.past)
+        self._take_known(known, np.zeros((UNKNOWNS, UNKNOWNS)), *baseline.drift.at_the_end())
         self.history = History(len(baseline.tests.names))
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
@@ -132,7 +136,7 @@ class Watcher:
         for begun in (self.baseline.expectation, self.baseline.beginning):
             begun.begin(time_s, voltage_V, rest=rest)
         settling = settling_rows(stood, self.baseline.rows)
-        self._last, self._opening = None, np.zeros((0, 4 + UNKNOWNS + SLOPES))
+        self._last, self._opening = None, np.zeros((0, OPENED))
         # nobody looks at the past of an FMU: its course is over before its level is looked at
         self._unjudged = settling if self.model is not None else 2 * settling
         self.history.clear()
@@ -142,15 +146,25 @@ class Watcher:
         self._take_known(np.zeros(UNKNOWNS), unknown, *self._drift)
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
 
-    def _take_known(self, amplitudes: Array, covariance: Array, slopes: Array, of_slopes: Array) -> None:
+    def _take_known(self, amplitudes: Array, covariance: Array, drift: Array, of_drift: Array) -> None:
         """Take what is known of a record (its level, what came before it), and of the drift beside it."""
-        every = np.array(block_diag(covariance, of_slopes), dtype=np.float64)
-        self.detector.take_known(np.append(amplitudes, slopes), every)
+        every = np.array(block_diag(covariance, of_drift), dtype=np.float64)
+        self.detector.take_known(np.append(amplitudes, drift), every)
 
     @property
     def _drift(self) -> tuple[Array, Array]:
-        """What is known of the drift: its slopes, and their covariance."""
-        return self.detector.amplitudes[-SLOPES:].copy(), self.detector.covariance[-SLOPES:, -SLOPES:].copy()
+        """What is known of the drift: where level and gain are, their slopes, and the covariance of all."""
+        return self.detector.amplitudes[-FOLLOWED:].copy(), self.detector.covariance[-FOLLOWED:, -FOLLOWED:].copy()
+
+    def _steps(self, time_s: Array) -> Array:
+        """Return the time before each row (n,) in lengths of the drift; that of a pause counts."""
+        clock_s = time_s + self._behind_s
+        return self.baseline.drift.steps(clock_s, float(clock_s[0]) if self._clock_s is None else self._clock_s)
+
+    def _drift_um(self, columns: Array, ahead: Array) -> Array:
+        """Return what the drift adds to readings (n,), so many of its lengths from now."""
+        at, slopes = np.split(self._drift[0], 2)
+        return np.sum(columns[:, :SLOPES] * (at + ahead[:, None] * slopes), axis=1)
 
     def _moved_before(self, first: Rows) -> bool:
         """Return whether a record that begins at 0 V reads what only a motion shortly before it can have left."""
@@ -159,7 +173,7 @@ class Watcher:
             begun.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=True)
         expected, _ = base.expectation.advance(first.time_s, first.voltage_V, first.command_time_s)
         left = float(np.max(np.abs(base.beginning.advance(first.time_s, first.voltage_V, first.command_time_s))))
-        drift_um = base.drift.columns_um(first.time_s + self._behind_s, expected) @ self._drift[0]
+        drift_um = self._drift_um(base.drift.columns_um(expected), self._steps(first.time_s))
         off = abs(float((base.residual_um(first.displacement_um, expected) - drift_um)[0]))
         noticed = FAR * base.noise_um
         return left > noticed if np.isnan(off) else off > noticed and left > LEFT_BY_A_PAST * off
@@ -207,11 +221,11 @@ class Watcher:
             "model": None if self.model is None else self.model.to_table(),
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "is_outside": self._is_outside,
-            "inside": self._inside, "behind_s": self._behind_s,
+            "inside": self._inside, "behind_s": self._behind_s, "clock_s": self._clock_s,
             "told": sorted(self._told), "trends": self.trends.state(), "moved": self._moved.tolist(),
             "deviations": self._deviations.tolist(),
             "silence": [self._silent_rows, self._silent_after, self._repeats],
-            "offset_um": self.baseline.offset_um, "drift_s": self.baseline.drift.followed_s,
+            "offset_um": self.baseline.offset_um, "drifts": self.baseline.drift.is_followed,
             "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
@@ -234,19 +248,18 @@ class Watcher:
         self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._is_outside = facts["unjudged"], facts["is_outside"]
-        self._inside, self._behind_s = facts["inside"], facts["behind_s"]
+        self._inside, self._behind_s, self._clock_s = facts["inside"], facts["behind_s"], facts["clock_s"]
         self._told, self._moved = set(facts["told"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
         self._silent_rows, self._silent_after, self._repeats = facts["silence"]
         self.trends.restore(facts["trends"])
-        drift = replace(self.baseline.drift, middle_s=facts["drift_s"] or 0.0)
-        self.baseline = replace(self.baseline, offset_um=facts["offset_um"], drift=drift)
+        self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
         if facts["pending"] is not None:
             event, exceedance, *rows = facts["pending"]
             self._pending = Pending(event, Exceedance(**exceedance), *rows)
         self.baseline.expectation.restore(facts["expectation"])
         self.baseline.beginning.restore(facts["beginning"])
-        self.history.table = arrays["history"]
+        self.history.restore(arrays["history"])
         own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
         self.detector.restore(own)
         size = facts["lane_size"]
@@ -262,23 +275,29 @@ class Watcher:
             raise InputError(f"row {self.rows + 1}: {error}") from None
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
-        drift = base.drift.columns_um(rows.time_s + self._behind_s, expected)
-        columns = np.column_stack([np.ones(len(rows)), pasts, drift, doubt_of(pasts, base.noise_um)])
+        drift, doubt = base.drift.columns_um(expected), doubt_of(pasts, base.noise_um)
+        columns = np.column_stack([np.ones(len(rows)), pasts, drift, doubt])
         block = Block(
             rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
-            columns, base.spread(expected, before_um, steps), base.range.outside(rows.voltage_V, expected),
-            np.where(steps > A_GAP * base.interval_s, GAP, 0),
+            columns, self._steps(rows.time_s), base.spread(expected, before_um, steps),
+            base.range.outside(rows.voltage_V, expected), np.where(steps > A_GAP * base.interval_s, GAP, 0),
         )  # fmt: skip
-        begin = 0
+        begin, silences = 0, self._silences(rows.displacement_um)
         while begin < len(rows) and self.baseline is base:
             # stretches end at the same rows however rows arrive, so that what is said does not depend on that
             size = STRETCH - self.rows % STRETCH
             size = min(size, self._unjudged) if self._unjudged else size
-            size = min(size, self._silent_after - self._silent_rows) if self._silent_rows < self._silent_after else size
-            part = block.part(slice(begin, begin + size))
+            end = min([begin + size, *(x for x in silences if x > begin)])
+            part = block.part(slice(begin, end))
             begin += len(part.rows)
             yield from self._stretch(part)
-        return min(begin, len(rows))
+        return begin
+
+    def _silences(self, read: Array) -> list[int]:
+        """Return behind which rows (n,) a sensor has just been silent for too long."""
+        rows = np.arange(read.size)
+        silent = rows - np.maximum.accumulate(np.where(np.isfinite(read), rows, -1 - self._silent_rows))
+        return (np.flatnonzero(silent == self._silent_after) + 1).tolist()
 
     def _stretch(self, block: Block) -> Iterator[Event]:
         rows, residual = block.rows, block.residual_um
@@ -287,12 +306,14 @@ class Watcher:
         kinds[:settling] = NOT_JUDGED + block.gaps[:settling]
         yield from self._outside(rows, block.expected_um, block.beyond)
         if settling:
-            opened = [residual, block.spread, block.gaps, block.columns_um]
+            opened = [residual, block.spread, block.gaps, block.steps, block.columns_um]
             self._opening = np.concatenate([self._opening, np.column_stack(opened)[:settling]])
         begin = 0
         while begin < len(rows):
             own = kinds if self._pending is None else np.where(kinds % GAP == JUDGED, kinds + NOT_JUDGED, kinds)
-            found = self.detector.judge(residual, block.signatures_um, own, block.spread, begin, block.columns_um)
+            found = self.detector.judge(
+                residual, block.signatures_um, own, block.spread, begin, block.columns_um, block.steps
+            )
             part = slice(begin, len(rows) if found.exceedance is None else found.exceedance.row + 1)
             seen = rows.part(part)
             self._remember(seen, block.expected_um[part], found, kinds, part)
@@ -303,13 +324,11 @@ class Watcher:
             if found.exceedance is not None:
                 yield self._alarm(found.exceedance)
         self._last = (float(rows.time_s[-1]), float(block.expected_um[-1]))
+        self._clock_s = self._last[0] + self._behind_s
         self._unjudged -= settling
         read = np.flatnonzero(np.isfinite(rows.displacement_um))
-        before, self._silent_rows = (
-            self._silent_rows,
-            len(rows) - 1 - int(read[-1]) if read.size else self._silent_rows + len(rows),
-        )
-        if before < self._silent_after <= self._silent_rows:
+        self._silent_rows = len(rows) - 1 - int(read[-1]) if read.size else self._silent_rows + len(rows)
+        if self._silent_rows == self._silent_after:
             yield self._silence()
         if settling and self._unjudged == 0:
             self._open()
@@ -374,12 +393,12 @@ class Watcher:
     def _open(self) -> None:
         """Take from the first rows what nobody knew before them: the level of this record, and what came before it."""
         rows = self._opening if self.model is not None else self._opening[len(self._opening) // 2 :]
-        residual, spread, gaps, columns = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3 : 3 + UNKNOWNS]
-        drift, doubt = rows[:, 3 + UNKNOWNS : -1], rows[:, -1]
-        spread = spread * np.hypot(1.0, doubt)
+        residual, spread, gaps, steps, columns, drift, doubt = np.split(rows, OPENED_AT, axis=1)
+        residual, spread = residual[:, 0], spread[:, 0] * np.hypot(1.0, doubt[:, 0])
+        passed = np.cumsum(steps)
         usable = np.isfinite(residual)
-        every = np.column_stack([residual - drift @ self._drift[0], columns])
-        white = whitened_rows(self.baseline.noise, every, usable, spread, np.flatnonzero(gaps).tolist())[usable]
+        every = np.column_stack([residual - self._drift_um(drift, passed - passed[-1]), columns])
+        white = whitened_rows(self.baseline.noise, every, usable, spread, np.flatnonzero(gaps[:, 0]).tolist())[usable]
         self._take_known(*fitted(white[:, 0], white[:, 1:], self._deviations), *self._drift)
         self.detector.reset()
         self._opening = self._opening[:0]
@@ -592,8 +611,7 @@ class Watcher:
         columns = np.column_stack([np.ones(before.size), before])
         self._moved = self._moved + np.linalg.lstsq(columns, self.baseline.residual_um(now, before), rcond=None)[0]
         self.model, self.training = model, training
-        drift = learned.drift.later(self._behind_s)
-        self._take_baseline(replace(learned, offset_um=learned.offset_um - level_um, drift=drift), level_um)
+        self._take_baseline(replace(learned, offset_um=learned.offset_um - level_um), level_um)
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""

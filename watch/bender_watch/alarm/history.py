@@ -17,26 +17,51 @@ class History:
 
     Attributes:
         signatures: how many there are.
-        table: (n, columns) rows, the last one last.
     """
 
     signatures: int
-    table: Array = field(init=False)
+    _room: Array = field(init=False)
+    _end: int = field(default=0, init=False)
+    _kept: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        self.table = np.zeros((0, len(COLUMNS) + self.signatures))
+        # rows are moved once in as many as there is room for, and not whenever some come
+        self._room = np.empty((2 * KEPT, len(COLUMNS) + self.signatures))
 
     def __len__(self) -> int:
-        return len(self.table)
+        return self._kept
+
+    @property
+    def table(self) -> Array:
+        """The rows (n, columns), the last one last."""
+        return self._room[self._end - self._kept : self._end]
 
     def add(self, columns: dict[str, Array], whitened: Array) -> None:
-        """Add rows; the oldest ones beyond `KEPT` are let go."""
-        rows = np.column_stack([*(columns[name] for name in COLUMNS), whitened])
-        self.table = np.concatenate([self.table, rows])[-KEPT:]
+        """Add rows, no more than `KEPT`; the oldest ones beyond that are let go."""
+        begin, end = self._make_room(len(whitened))
+        for place, name in enumerate(COLUMNS):
+            self._room[begin:end, place] = columns[name]
+        self._room[begin:end, len(COLUMNS) :] = whitened
+
+    def _make_room(self, rows: int) -> tuple[int, int]:
+        """Return where further rows begin and end."""
+        if self._end + rows > len(self._room):
+            kept = self.table
+            self._room[: self._kept] = kept
+            self._end = self._kept
+        self._end += rows
+        self._kept = min(self._kept + rows, KEPT)
+        return self._end - rows, self._end
 
     def clear(self) -> None:
         """Let go of all rows."""
-        self.table = self.table[:0]
+        self._end = self._kept = 0
+
+    def restore(self, table: Array) -> None:
+        """Go on from rows that were kept."""
+        self.clear()
+        begin, end = self._make_room(len(table))
+        self._room[begin:end] = table
 
     def column(self, name: str) -> Array:
         """Return a column (n,)."""

@@ -1,12 +1,13 @@
-"""A change that goes on: level and gain along straight lines of time.
+"""A change that goes on: level and gain along lines of time that may bend.
 
 Behind a change that grows, and behind a second one, nobody knows whether it stands or goes on. The slopes of level and
-gain are learned with the rest from the rows since the change; where they are not known well, the rows that follow say
-more of them. A device whose gain fades then is followed, and no alarm, until it stops fading or fades in another way.
+gain are learned with the rest from the rows since the change, along straight lines. From then on level and gain are
+followed row by row, and their slopes wander as `pass_time` says. A device whose gain fades, straight or slower and
+slower, is followed then, and no alarm; where it stops or turns at once, it is one.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,40 +16,47 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SLOPES = 2
-"""Columns of a drift: of the level, and of the gain."""
+"""Slopes of a drift: of the level, and of the gain."""
+FOLLOWED = 2 * SLOPES
+"""Columns of a drift that is followed: level and gain, and behind them their slopes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """Level and gain along straight lines of time; as it is made, of a device that does not drift.
+    """Level and gain that move; as it is made, of a device that does not drift.
 
     Attributes:
-        middle_s: of the rows that it was learned from: level and gain are those of then.
-        length_s: of these rows.
+        length_s: of the rows that it was learned from.
         slopes: (2,) by how much the level in um, and the gain, move over this length.
         covariance: (2, 2) of the slopes.
     """
 
-    middle_s: float = 0.0
     length_s: float = math.inf
     slopes: Array = field(default_factory=lambda: np.zeros(SLOPES))
     covariance: Array = field(default_factory=lambda: np.zeros((SLOPES, SLOPES)))
 
-    @classmethod
-    def over(cls, time_s: Array) -> "Drift":
-        """Return a drift that is not known yet, over rows (n,)."""
-        return cls(float(np.mean(time_s)), float(time_s[-1] - time_s[0]))
-
     @property
-    def followed_s(self) -> float | None:
-        """Since when it is counted; None of a device that does not drift."""
-        return self.middle_s if math.isfinite(self.length_s) else None
+    def is_followed(self) -> bool:
+        """Whether the device drifts."""
+        return math.isfinite(self.length_s)
 
-    def columns_um(self, time_s: Array, expected_um: Array) -> Array:
-        """Return what slopes of 1 add to the readings (n, 2)."""
-        since = (time_s - self.middle_s) / self.length_s
+    def lines_um(self, time_s: Array, expected_um: Array, middle_s: float) -> Array:
+        """Return what slopes of 1 add to the readings (n, 2) that it is learned from; level and gain are of a time."""
+        since = (time_s - middle_s) / self.length_s
         return np.column_stack([since, since * expected_um])
 
-    def later(self, by_s: float) -> "Drift":
-        """Return the same drift by a clock that shows so much more."""
-        return replace(self, middle_s=self.middle_s + by_s)
+    def columns_um(self, expected_um: Array) -> Array:
+        """Return what amplitudes of 1 add to the readings that follow (n, 4)."""
+        columns = np.zeros((expected_um.size, FOLLOWED))
+        if self.is_followed:
+            columns[:, 0], columns[:, 1] = 1.0, expected_um
+        return columns
+
+    def steps(self, time_s: Array, before_s: float) -> Array:
+        """Return the time before each row (n,) in lengths of the drift; none passes for a clock that was set back."""
+        return np.maximum(np.diff(time_s, prepend=before_s), 0.0) / self.length_s
+
+    def at_the_end(self) -> tuple[Array, Array]:
+        """Return amplitudes (4,) and covariance (4, 4) behind the rows that it was learned from: half a length on."""
+        moved = np.vstack([0.5 * np.eye(SLOPES), np.eye(SLOPES)])
+        return moved @ self.slopes, moved @ self.covariance @ moved.T

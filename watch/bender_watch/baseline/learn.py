@@ -207,7 +207,7 @@ def learn(
         name: of the record, for messages.
         tell: is told what is being done.
         like: signatures learned for the same model; None to choose those that the record distinguishes.
-        drifts: level and gain may be moving along straight lines.
+        drifts: level and gain may be moving.
 
     Raises:
         InputError: too few rows, or the model explains nothing of them.
@@ -224,8 +224,10 @@ def learn(
     read = usable.copy()
     usable[: settling_rows(rest, len(record))] = False
     beginning, pasts = _pasts(model if isinstance(model, Model) else None, record, linear=linear, rest=rest)
-    drift = Drift.over(record.time_s[usable]) if drifts else Drift()
-    columns = np.column_stack([expected, np.ones(expected.size), pasts, drift.columns_um(record.time_s, expected)])
+    times = record.time_s[usable]
+    drift = Drift(float(times[-1] - times[0])) if drifts else Drift()
+    lines = drift.lines_um(record.time_s, expected, float(np.mean(times)))
+    columns = np.column_stack([expected, np.ones(expected.size), pasts, lines])
     deviations = _deviations(record.displacement_um[usable], expected)
     found = _calibration(columns, record.displacement_um, usable, deviations)
     gain, offset = found[:2].tolist()

@@ -168,7 +168,7 @@ class Detector:
         noise: of the training record.
         tests: what is tested.
         unknowns: columns that are not known.
-        followed: of them, the last ones, which are a drift.
+        followed: of them, the last ones, which are a drift: positions, then their slopes.
     """
 
     noise: Noise
@@ -185,6 +185,7 @@ class Detector:
             "past_columns": np.zeros((self.unknowns, order)),
             "amplitudes": np.zeros(self.unknowns),
             "covariance": np.zeros((self.unknowns, self.unknowns)),
+            "age": np.ones(1),
             "counts": np.zeros(3, np.int64),
             "sums": np.zeros(size),
             "informations": np.zeros(size),
@@ -223,7 +224,7 @@ class Detector:
 
     def judge(
         self, residual_um: Array, signatures_um: Array, kinds: NDArray[np.int64], spread: Array, begin: int = 0,
-        columns_um: Array | None = None,
+        columns_um: Array | None = None, steps: Array | None = None,
     ) -> Judged:  # fmt: skip
         """Take rows until a test exceeds its threshold, or all.
 
@@ -235,6 +236,7 @@ class Detector:
             begin: first row that is taken.
             columns_um: (n, unknowns + 1) what an amplitude of 1 of each adds to the residual, and last by how many
                 deviations of the noise a row may be off beside them; None for nothing.
+            steps: (n,) time before each row in lengths of the drift; None where none is followed.
         """
         rows, size = residual_um.size, len(self.tests.names)
         innovations, whitened = np.full(rows, np.nan), np.zeros((rows, size))
@@ -242,13 +244,14 @@ class Detector:
         x, tests = self._arrays, self.tests
         before = int(x["counts"][1])
         columns = np.zeros((rows, self.unknowns + 1)) if columns_um is None else columns_um
+        passed = np.zeros(rows) if steps is None else steps
         row = detector_run()(
-            begin, residual_um, signatures_um, columns, self.followed, kinds, spread, self.noise.coefficients,
-            self.noise.spreads_um, x["past"], x["past_signatures"], x["past_columns"], x["amplitudes"],
-            x["covariance"], x["counts"], CLIP, QUIET_CLIP, x["sums"], x["informations"], x["ring_sums"],
-            x["ring_informations"], x["ring_filled"], x["cusums"], x["cusum_since"], tests.allowances,
-            tests.inflations, tests.one_sided, tests.cusum_limits, tests.glr_limits, innovations, drifts, whitened,
-            tops, x["alarm"],
+            begin, residual_um, signatures_um, columns, self.followed, passed, x["age"], kinds, spread,
+            self.noise.coefficients, self.noise.spreads_um, x["past"], x["past_signatures"], x["past_columns"],
+            x["amplitudes"], x["covariance"], x["counts"], CLIP, QUIET_CLIP, x["sums"], x["informations"],
+            x["ring_sums"], x["ring_informations"], x["ring_filled"], x["cusums"], x["cusum_since"],
+            tests.allowances, tests.inflations, tests.one_sided, tests.cusum_limits, tests.glr_limits, innovations,
+            drifts, whitened, tops, x["alarm"],
         )  # fmt: skip
         judged = int(x["counts"][1]) - before
         return Judged(innovations, drifts, whitened, tops, judged, None if row < 0 else self._exceedance(row))

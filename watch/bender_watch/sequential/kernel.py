@@ -16,9 +16,11 @@ at multiples of a fourth of w: sums at these places are all that is remembered.
 What is not known of a record (its level, what came before it) is a regression on known columns u_k beside the noise: e
 is its recursive residual (Brown, Durbin and Evans, JRSS B 37, 1975), (e - u a) / sqrt(1 + u P u) with the estimate a of
 the rows before and its covariance P, and white of unit variance whatever the amplitudes are. The last columns may be a
-drift that is followed: its part of u a is given back, so that it is not lost for whoever asks what the drift is.
+drift that is followed (positions, then a slope of each): its part of u a is given back, so that it is not lost for
+whoever asks what the drift is. Between rows it moves on (Kalman, J. Basic Eng. 82, 1960).
 """
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -38,6 +40,12 @@ WINDOWS_PER_ROW = PLACES - SHORTEST + (PLACES - 4)
 LEVEL_REFERENCE = 0.5
 LOUD_REFERENCE, QUIET_REFERENCE = 1.3862943611198906, 0.46209812037329684
 """ln R / (1 - 1 / R) for a variance that is doubled, and for a quarter of it."""
+WANDER = 0.4
+"""Part of itself by which a slope wanders while the drift becomes e times as old, one deviation.
+
+From there on what fades exponentially or by the logarithm of time stays below the thresholds, however well it is seen;
+the smaller it is, the fewer rows of a fade must have been seen for a stop of it to be an alarm.
+"""
 CUSUMS = ("level_up", "level_down", "louder", "quieter")
 
 
@@ -93,13 +101,44 @@ def learn_unknown(amplitudes: Any, covariance: Any, projected: Any, wide: float,
     return score
 
 
+def pass_time(amplitudes: Any, covariance: Any, positions: int, step: float, age: float, wander: float) -> float:
+    """Move a drift on by a step; return its age then.
+
+    Its slopes wander by a part of themselves while its age grows by a factor of e, whatever the unit of time is: nobody
+    knows how fast a drift bends, and the only time that it has is its age.
+
+    Args:
+        amplitudes: (n,) of the columns; the last `2 positions` are positions and their slopes.
+        covariance: (n, n).
+        positions: how many there are.
+        step: time that passes.
+        age: of the drift, in the same unit.
+        wander: by how much of themselves, one deviation.
+    """
+    size = len(amplitudes)
+    older = math.log((age + step) / age)
+    for v in range(size - positions, size):
+        p = v - positions
+        amplitudes[p] += step * amplitudes[v]
+        for j in range(size):
+            covariance[p, j] += step * covariance[v, j]
+        for j in range(size):
+            covariance[j, p] += step * covariance[j, v]
+        more = wander * wander * older * (amplitudes[v] * amplitudes[v] + covariance[v, v])
+        covariance[v, v] += more
+        covariance[p, v] += 0.5 * step * more
+        covariance[v, p] += 0.5 * step * more
+        covariance[p, p] += step * step * more / 3.0
+    return age + step
+
+
 _RUN = """
 @njit(cache=True, nogil=True)
 def run(
-    begin, residual, signatures, columns, followed, state_of_row, spread_of_row, coefficients, spreads, past,
-    past_signatures, past_columns, amplitudes, covariance, counts, clip, quiet_clip, sums, informations, ring_sums,
-    ring_informations, ring_filled, cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits,
-    innovations, drifts, whitened, tops, alarm,
+    begin, residual, signatures, columns, followed, steps, age, state_of_row, spread_of_row, coefficients, spreads,
+    past, past_signatures, past_columns, amplitudes, covariance, counts, clip, quiet_clip, sums, informations,
+    ring_sums, ring_informations, ring_filled, cusums, cusum_since, allowances, inflations, one_sided, cusum_limits,
+    glr_limits, innovations, drifts, whitened, tops, alarm,
 ):
     rows, size, unknowns = residual.size, signatures.shape[1], columns.shape[1] - 1
     u, projected = np.zeros(unknowns), np.zeros(unknowns)
@@ -110,6 +149,8 @@ def run(
         if state >= GAP:
             counts[0] = 0
         innovations[k], drifts[k], tops[k] = np.nan, 0.0, 0.0
+        if steps[k] > 0.0:
+            age[0] = pass_time(amplitudes, covariance, followed // 2, steps[k], age[0], WANDER)
         if residual[k] != residual[k]:
             counts[0] = 0
             counts[2] = 0
@@ -220,8 +261,8 @@ def detector_run() -> Callable[..., int]:
     """Return the compiled run over a stretch of rows, from `begin` to the first alarm (its row) or the end (-1)."""
     numbers = {
         "GAP": 16, "SHORTEST": SHORTEST, "LEVEL_REFERENCE": LEVEL_REFERENCE, "LOUD_REFERENCE": LOUD_REFERENCE,
-        "QUIET_REFERENCE": QUIET_REFERENCE, "FAINT": FAINT, "REBASED": REBASED,
+        "QUIET_REFERENCE": QUIET_REFERENCE, "FAINT": FAINT, "REBASED": REBASED, "WANDER": WANDER,
     }  # fmt: skip
     head = "\n".join(f"{name} = {value!r}" for name, value in numbers.items())
-    text = sources([whiten, remember, cusum_step, window_variance, project, learn_unknown])
+    text = sources([whiten, remember, cusum_step, window_variance, project, learn_unknown, pass_time])
     return generated("watch", f"{text}\n\n{head}\n{_RUN}").run
