@@ -1,23 +1,22 @@
-"""Detectors side by side: what each makes of a run, and where it alarms at a threshold.
+"""Detectors side by side: the statistic that each makes of a run, and where it alarms at a threshold.
 
 | name | what it is |
 |---|---|
 | watch | all tests of `bender watch`; the threshold is a factor on all of its thresholds |
 | moving window | the mean of the last 64 innovations, in its own deviation |
 | Kalman innovations | the sum of the squares of the last 64 innovations (Mehra and Peschon 1971) |
-| Page-Hinkley (river) | the two-sided one of river, with an allowance of 0.05 (Page 1954) |
-| ADWIN (river) | the one of river; the threshold is -ln of its delta (Bifet and Gavalda 2007) |
-| ruptures | every 64 rows, the best cut of the last 512: by how much it lowers the sum of squares |
+| Page-Hinkley | two-sided, with river's numbers (Page 1954) |
+| ADWIN | with river's numbers; the threshold is -ln of its delta (Bifet and Gavalda 2007) |
+| best cut | every 64 rows, by how much the best cut of the last 512 lowers the sum of squares: ruptures with one cut |
 
-All but the watch see one column: the whitened residual of the model.
+All but the watch see one column: the whitened residual of the model. No statistic depends on its threshold, so that one
+pass over a run says where each threshold would alarm.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import find_spec
-from typing import Any, Protocol
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +30,11 @@ Array = NDArray[np.float64]
 WINDOW = 64
 BATCHED = 512
 SHORTEST = 4
-"""Rows on either side of a cut of ruptures."""
-ALLOWANCE = 0.05
+"""Rows on either side of a cut."""
+ALLOWANCE, FADING, FEWEST = 0.05, 0.9999, 30
+"""Of Page-Hinkley: off each step of the sums, part of them that stays, and rows before which nothing is said."""
+LOOKED_AT, BUCKETS = 32, 5
+"""Of ADWIN: rows from one look to the next, and buckets of one length."""
 OUT_OF_REACH = 1e6
 """Factor on thresholds that nothing exceeds."""
 
@@ -95,52 +97,19 @@ def judged_run(baseline: Baseline, residual_um: Array, signatures_um: Array, spr
     return Run(baseline, residual_um, signatures_um, spread, found.innovations, OUT_OF_REACH * found.tops)
 
 
-class Method(Protocol):
-    """A detector: what it makes of a run whatever its threshold, and where it alarms."""
-
-    def prepared(self, run: Run) -> Any:
-        """Return what is computed once of a run."""
-        ...
-
-    def first(self, prepared: Any, threshold: float) -> int | None:
-        """Return the row of the first alarm, None where there is none."""
-        ...
+Method = Callable[[Run], Array]
+"""Returns the statistic of a run (n,)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Statistic:
-    """A detector whose statistic does not depend on its threshold."""
-
-    of: Callable[[Run], Array]
-
-    def prepared(self, run: Run) -> Array:
-        """Return the largest statistic so far (n,)."""
-        return np.maximum.accumulate(self.of(run))
-
-    def first(self, prepared: Array, threshold: float) -> int | None:
-        """Return the first row beyond the threshold."""
-        row = int(np.searchsorted(prepared, threshold, side="right"))
-        return row if row < prepared.size else None
+def largest(method: Method, run: Run) -> Array:
+    """Return the largest statistic so far (n,)."""
+    return np.maximum.accumulate(method(run))
 
 
-@dataclass(frozen=True, slots=True)
-class River:
-    """A detector of river, by its threshold."""
-
-    made: Callable[[float], Any]
-
-    def prepared(self, run: Run) -> list[float]:
-        """Return the innovations as plain numbers."""
-        return run.innovations.tolist()
-
-    def first(self, prepared: Sequence[float], threshold: float) -> int | None:
-        """Return the first row at which it sees a drift."""
-        detector = self.made(threshold)
-        for row, value in enumerate(prepared):
-            detector.update(value)
-            if detector.drift_detected:
-                return row
-        return None
+def first_beyond(statistic: Array, threshold: float) -> int | None:
+    """Return the row at which the largest statistic so far (n,) first exceeds a threshold, None where it does not."""
+    row = int(np.searchsorted(statistic, threshold, side="right"))
+    return row if row < statistic.size else None
 
 
 def moving_window(run: Run) -> Array:
@@ -163,35 +132,63 @@ def _windows(values: Array) -> Array:
 def best_cut(run: Run) -> Array:
     """Return by how much the best cut of the last rows lowers their sum of squares (n,); 0 between batches."""
     e, found = run.innovations, np.zeros(run.innovations.size)
-    search = import_module("ruptures").KernelCPD(kernel="linear", min_size=SHORTEST)
     for end in range(2 * WINDOW, e.size + 1, WINDOW):
         rows = e[max(0, end - BATCHED) : end]
-        cut, count = search.fit(rows).predict(n_bkps=1)
-        apart = float(np.mean(rows[:cut]) - np.mean(rows[cut:]))
-        found[end - 1] = apart * apart * cut * (count - cut) / count
+        cuts = np.arange(SHORTEST, rows.size - SHORTEST + 1)
+        apart = np.cumsum(rows)[cuts - 1] - cuts * rows.mean()
+        found[end - 1] = float(np.max(apart**2 * rows.size / (cuts * (rows.size - cuts))))
     return found
 
 
-def _page_hinkley(threshold: float) -> Any:
-    return import_module("river.drift").PageHinkley(delta=ALLOWANCE, threshold=threshold)
+def page_hinkley(run: Run) -> Array:
+    """Return the larger of both sums beyond its extreme (n,)."""
+    found, up, down, least, most, mean = np.zeros(run.innovations.size), 0.0, 0.0, math.inf, -math.inf, 0.0
+    for k, value in enumerate(run.innovations.tolist()):
+        mean += (value - mean) / (k + 1)
+        up = FADING * up + value - mean - ALLOWANCE
+        down = FADING * down + value - mean + ALLOWANCE
+        least, most = min(least, up), max(most, down)
+        found[k] = max(up - least, most - down) if k + 1 >= FEWEST else 0.0
+    return found
 
 
-def _adwin(threshold: float) -> Any:
-    return import_module("river.drift").ADWIN(delta=math.exp(-threshold))
+def adwin(run: Run) -> Array:
+    """Return the largest -ln delta at which a cut of the window at one of its buckets is a change (n,)."""
+    e = run.innovations
+    found, sums, squares = np.zeros(e.size), np.append(0.0, np.cumsum(e)), np.append(0.0, np.cumsum(e**2))
+    for n in range(LOOKED_AT, e.size + 1, LOOKED_AT):
+        old = _buckets(n)
+        old = old[(old > SHORTEST) & (n - old > SHORTEST + 1)]
+        narrow = 1.0 / (old - SHORTEST) + 1.0 / (n - old - SHORTEST)
+        apart = np.abs(sums[old] / old - (sums[n] - sums[old]) / (n - old))
+        variance = squares[n] / n - (sums[n] / n) ** 2
+        # apart = sqrt(2 narrow variance x) + 2 narrow x / 3 by x = ln(2 ln(n) / delta)
+        linear, square = np.sqrt(2.0 * narrow * variance), 2.0 * narrow / 3.0
+        root = (np.sqrt(linear**2 + 4.0 * square * apart) - linear) / (2.0 * square)
+        found[n - 1] = max(0.0, float(np.max(root**2, initial=0.0)) - math.log(2.0 * math.log(n)))
+    return found
 
 
-METHODS: dict[str, tuple[Method, str | None]] = {
-    "watch": (Statistic(lambda run: run.tops), None),
-    "moving window": (Statistic(moving_window), None),
-    "Kalman innovations": (Statistic(kalman_innovations), None),
-    "Page-Hinkley (river)": (River(_page_hinkley), "river"),
-    "ADWIN (river)": (River(_adwin), "river"),
-    "ruptures": (Statistic(best_cut), "ruptures"),
+@cache
+def _buckets(rows: int) -> NDArray[np.int64]:
+    """Return where the buckets of a window of so many rows end, from the oldest row on."""
+    counts = [0]
+    for _ in range(rows):
+        counts[0] += 1
+        for k in range(len(counts)):
+            if counts[k] <= BUCKETS:
+                break
+            counts += [0] * (k + 1 == len(counts))
+            counts[k], counts[k + 1] = counts[k] - 2, counts[k + 1] + 1
+    lengths = [2**k for k in reversed(range(len(counts))) for _ in range(counts[k])]
+    return np.cumsum(lengths)
+
+
+METHODS: dict[str, Method] = {
+    "watch": lambda run: run.tops,
+    "moving window": moving_window,
+    "Kalman innovations": kalman_innovations,
+    "Page-Hinkley": page_hinkley,
+    "ADWIN": adwin,
+    "best cut": best_cut,
 }
-"""By name, with the library that it needs."""
-
-
-def missing(name: str) -> str | None:
-    """Return the library of a method that is not installed, None where all is there."""
-    library = METHODS[name][1]
-    return None if library is None or find_spec(library) else library

@@ -11,14 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_proving.bench import stream
 from bender_proving.cases.hidden import NOISE_UM
 from bender_studies.watching.devices import SENSOR, Change, Quiet
-from bender_studies.watching.others import METHODS, Expected, Method, Run, missing
+from bender_studies.watching.others import METHODS, Expected, Method, Run, first_beyond, largest
 from bender_studies.watching.trial import median
 from bender_watch.baseline.learn import Baseline
 from bender_watch.sequential.detector import JUDGED, Detector
+
+Array = NDArray[np.float64]
 
 HALVINGS = 16
 LOW, HIGH = 0.05, 2000.0
@@ -50,17 +53,15 @@ class Beside:
 
     Attributes:
         name: of the method.
-        missing: library that is not installed, None where all is there.
         threshold: at which its false alarms are as rare as wanted.
         counted: its false alarms on runs that the threshold has not seen.
         delays: in rows by size of the change, None for a change that is not found.
     """
 
     name: str
-    missing: str | None
-    threshold: float = math.nan
-    counted: Counted | None = None
-    delays: dict[float, list[int | None]] | None = None
+    threshold: float
+    counted: Counted
+    delays: dict[float, list[int | None]]
 
 
 def quiet_runs(baseline: Baseline, devices: Sequence[Quiet], rows: float, seed: int) -> Iterator[Run]:
@@ -95,19 +96,19 @@ def alarms_without_end(expected: Expected, device: Quiet, rows: float, seed: int
     return alarms, seen
 
 
-def counted(method: Method, prepared: Sequence[Any], lengths: Sequence[int], threshold: float) -> tuple[int, int]:
+def counted(statistics: Sequence[Array], threshold: float) -> tuple[int, int]:
     """Return the alarms on runs that end at the first one, and the rows until then."""
-    firsts = [method.first(x, threshold) for x in prepared]
-    rows = sum(n if first is None else first + 1 for first, n in zip(firsts, lengths, strict=True))
+    firsts = [first_beyond(x, threshold) for x in statistics]
+    rows = sum(x.size if first is None else first + 1 for first, x in zip(firsts, statistics, strict=True))
     return sum(x is not None for x in firsts), rows
 
 
-def threshold_of(method: Method, prepared: Sequence[Any], lengths: Sequence[int], every: float) -> float:
+def threshold_of(statistics: Sequence[Array], every: float) -> float:
     """Return the lowest threshold at which a method raises no more than one alarm in so many rows."""
     low, high = LOW, HIGH
     for _ in range(HALVINGS):
         middle = math.sqrt(low * high)
-        alarms, rows = counted(method, prepared, lengths, middle)
+        alarms, rows = counted(statistics, middle)
         low, high = (middle, high) if alarms * every > rows else (low, middle)
     return high
 
@@ -116,7 +117,7 @@ def delay(method: Method, run: Run, row: int, threshold: float) -> int | None:
     """Return how many rows after a change a method finds it; after a false alarm before, it begins anew."""
     begin = 0
     while True:
-        first = method.first(method.prepared(run.since(begin)), threshold)
+        first = first_beyond(largest(method, run.since(begin)), threshold)
         if first is None:
             return None
         if begin + first >= row:
@@ -138,19 +139,14 @@ def side_by_side(
         said: is told which method is at work.
     """
     found = []
-    for name, (method, _) in METHODS.items():
-        lacks = missing(name)
-        if lacks is not None:
-            found.append(Beside(name, lacks))
-            continue
+    for name, method in METHODS.items():
         said(name)
-        lengths = [x.innovations.size for x in calm]
-        threshold = threshold_of(method, [method.prepared(x) for x in calm], lengths, every)
-        fresh = counted(method, [method.prepared(x) for x in other], [x.innovations.size for x in other], threshold)
+        threshold = threshold_of([largest(method, x) for x in calm], every)
+        fresh = counted([largest(method, x) for x in other], threshold)
         delays: dict[float, list[int | None]] = {}
         for change, run in changed:
             delays.setdefault(change.size, []).append(delay(method, run, change.row, threshold))
-        found.append(Beside(name, None, threshold, Counted.of(*fresh), delays))
+        found.append(Beside(name, threshold, Counted.of(*fresh), delays))
     return found
 
 
@@ -161,9 +157,6 @@ def table(found: Sequence[Beside], sizes: Sequence[float]) -> tuple[list[str], l
         columns += [f"{size:g} × noise: median delay", f"{size:g} × noise: found"]
     rows: list[list[Any]] = []
     for one in found:
-        if one.counted is None or one.delays is None:
-            rows.append([one.name, f"{one.missing} is not installed", *[None] * (len(columns) - 2)])
-            continue
         count = one.counted
         row: list[Any] = [one.name, one.threshold, count.alarms, f"{count.low:.0f} to {count.high:.0f}"]
         for size in sizes:
