@@ -11,6 +11,7 @@ from few import few_rows
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
+from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.fitting.journal import UNFINISHED, current_journal
 from bender_discrepancy.foreign import outputs, outputs_report
 from bender_discrepancy.foreign.joint_explanations import (
@@ -21,7 +22,7 @@ from bender_discrepancy.foreign.joint_explanations import (
     rank_explanations,
 )
 from bender_discrepancy.foreign.outputs import Together
-from bender_discrepancy.foreign.outputs_report import sentence, titles
+from bender_discrepancy.foreign.outputs_report import factors, sentence, titles
 from bender_discrepancy.search.result import Interrupted
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record
@@ -358,3 +359,20 @@ def test_without_resume_an_earlier_diagnosis_stays(
     (tmp_path / "out" / "tip").mkdir(parents=True)
     assert main([*words, "--out", str(tmp_path / "out")]) == 2
     assert "is there already; choose another --out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        (0.9204, ["every output reads 0.9204 times as much, as if the input did"]),
+        (0.97, ["the sensor of a reads 0.9208 times as much", "the sensor of b reads 0.97 times as much"]),
+        (None, ["the sensor of a reads 0.9208 times as much"]),
+    ],
+)
+def test_a_factor_that_all_outputs_share_is_not_told_as_one_of_every_sensor(
+    other: float | None, told: list[str]
+) -> None:
+    gains = {"a": RecalibratedNumber("gain", 1.0, 0.9208, 3e-4, "1")}
+    if other is not None:
+        gains["b"] = RecalibratedNumber("gain", 1.0, other, 1e-4, "1")
+    assert factors(gains, 2) == told

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bender_discrepancy.conclusion.findings import SIGNIFICANT, RecalibratedNumber
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.foreign.joint_explanations import EACH_BY_ITSELF, JointExplanation
 from bender_discrepancy.foreign.outputs import Together
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 OUTPUTS, REPORT = "outputs.json", "report.html"
 _UNIT = re.compile(r"_(?:um|V|s|Hz|V_s|um_per_V|V_per_s)(?=\[|$)")
 _ODD = re.compile(r"[^\w.-]")
+ALIKE = 0.005
+"""Part of a factor by which two may differ in any case: what a stand-in for the FMU leaves."""
 MOST_WAYS = 8
 """In the page; `outputs.json` has all of them."""
 
@@ -43,12 +46,10 @@ def sentence(found: Together) -> str:
     parts += [f"{titles(own)} on {name} alone" for name, own in found.own.items() if own]
     parts += [f"{titles(inside)} inside the FMU, as {name} shows" for name, inside in found.inside.items()]
     moved = [f"{name} is {figure(x, 4)} in place of {figure(was, 4)}" for name, was, x, *_ in found.parameters]
-    moved += [
-        f"the sensor of {name} reads {figure(x.after, 4)} times as much"
-        for name, alone in found.by_itself.items()
-        for x in alone.findings.recalibrated
-        if x.name == "gain"
-    ]
+    moved += factors(
+        {n: x for n, alone in found.by_itself.items() for x in alone.findings.recalibrated if x.name == "gain"},
+        len(found.by_itself),
+    )
     if moved and found.verdict in ("named", "recalibrated"):
         missing = f"; missing from the model: {'; '.join(parts)}" if parts else ", and nothing else is missing"
         return f"Off: {'; '.join(moved)}{missing}."
@@ -57,6 +58,27 @@ def sentence(found: Together) -> str:
     if found.verdict == "unexplained":
         return "Something is missing that no effect of the catalogue explains."
     return "Nothing is missing on any output."
+
+
+def factors(gains: Mapping[str, RecalibratedNumber], outputs: int) -> list[str]:
+    """Return what the factors of the readings say: one that all outputs share is a gain of the input.
+
+    Args:
+        gains: the recalibrated gain of each output that has one, by its name.
+        outputs: how many outputs there are.
+    """
+    told = list(gains.values())
+    if len(told) == outputs > 1 and all(_agree(told[0], x) for x in told[1:]):
+        least = min(told, key=lambda x: x.std)
+        return [f"every output reads {figure(least.after, 4)} times as much, as if the input did"]
+    return [f"the sensor of {name} reads {figure(x.after, 4)} times as much" for name, x in gains.items()]
+
+
+def _agree(one: RecalibratedNumber, other: RecalibratedNumber) -> bool:
+    """Return whether two factors differ by no more than they leave open, or by hardly anything."""
+    apart, open_ = abs(one.after - other.after), math.hypot(one.std, other.std)
+    known = open_ if math.isfinite(open_) else 0.0
+    return apart <= max(SIGNIFICANT * known, ALIKE * abs(one.after))
 
 
 def content(found: Together, folders: Mapping[str, str]) -> dict[str, Any]:
