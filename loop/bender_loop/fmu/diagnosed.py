@@ -93,7 +93,8 @@ def diagnosed(model: Path | str | None) -> Diagnosed:
 
 def _is_as_written(model: Path, told: dict[str, Any]) -> bool:
     """Whether a file is as the diagnosis left it: what was found of one does not hold for another."""
-    return told.get("sha256", {}).get(model.name) == hashlib.sha256(model.read_bytes()).hexdigest()
+    digest = told.get("sha256", {}).get(model.name)
+    return digest is not None and model.is_file() and digest == hashlib.sha256(model.read_bytes()).hexdigest()
 
 
 def _known(told: dict[str, Any]) -> Known | None:

@@ -94,7 +94,7 @@ def recommend(
     if gains is None:
         return None
     settings = problem.settings
-    device = _device(settings, known)
+    device = device_of(settings, known)
     judge = _judge(problem, device) if device.by_diagnosis else problem.practitioner
     alone = judge.evaluate(gains)
     tried: list[Scored] = []
@@ -123,7 +123,7 @@ def recommend(
     )
 
 
-def _device(settings: TuneSettings, known: Known | None) -> Device:
+def device_of(settings: TuneSettings, known: Known | None) -> Device:
     """Return how far a device may be off; a user's word stands, for the rest the diagnosis, or what nobody knows."""
     percent, late = settings.gain_error_percent, settings.late_frames
     usual = Device(GAIN_ERROR_PERCENT if percent is None else percent, LATE_FRAMES if late is None else late, False)

@@ -1,0 +1,70 @@
+"""What a diagnosis says of the model beside it, in the units of the rig."""
+
+import hashlib
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bender_loop.fmu.diagnosed import LEAST_GAIN_ERROR_PERCENT, Known, diagnosed
+
+TOLD = {"model": "model.toml", "fmu": "model.fmu", "unit": "K", "input_unit": "W", "gap": {"after": {"rms": 0.3}}}
+
+
+def _delay(half_s: float) -> dict[str, object]:
+    interval = [0.05 - half_s, 0.05 + half_s]
+    return {"effects": [{"id": "transport_delay", "parameters": {"delay_s": {"interval_95": interval}}}]}
+
+
+def _visible(value: float | None) -> dict[str, object]:
+    return {"smallest_visible": {"transport_delay": {"parameter": "delay_s", "value": value}}}
+
+
+def _known(folder: Path, left_percent: float | None, **further: object) -> Known | None:
+    model = folder / "model.toml"
+    model.write_text("as it was written")
+    digest = hashlib.sha256(model.read_bytes()).hexdigest()
+    gap = {"after": {"rms": 0.3, "nrmse_percent": left_percent}}
+    (folder / "diagnosis.json").write_text(json.dumps(TOLD | {"gap": gap, "sha256": {model.name: digest}} | further))
+    return diagnosed(model).known
+
+
+@pytest.mark.parametrize(("told", "delay_s"), [(_delay(0.002), 0.002), (_visible(0.004), 0.004)])
+def test_a_device_is_known_by_what_its_model_leaves_and_by_the_dead_time_that_would_show(
+    tmp_path: Path, told: dict[str, object], delay_s: float
+):
+    known = _known(tmp_path, 2.0, **told)
+    assert known is not None
+    assert known == pytest.approx((2.0 * math.sqrt(12.0) * 2.0, delay_s))
+
+
+@pytest.mark.parametrize(("left", "told"), [(1.0, {}), (1.0, _visible(None)), (None, _visible(0.004))])
+def test_where_the_records_bound_either_not_nothing_is_known(
+    tmp_path: Path, left: float | None, told: dict[str, object]
+):
+    assert _known(tmp_path, left, **told) is None
+
+
+def test_a_model_that_was_changed_since_is_not_the_one_that_was_diagnosed(tmp_path: Path):
+    assert _known(tmp_path, 1.0, **_visible(0.004)) is not None
+    (tmp_path / "model.toml").write_text("with a name put in")
+    found = diagnosed(tmp_path / "model.toml")
+    assert (found.known, found.rms_um) == (None, 0.3)
+
+
+@settings(max_examples=50, deadline=None)
+@given(left=st.floats(0.0, 20.0), worse=st.floats(0.0, 20.0), std=st.floats(0.0, 0.2))
+def test_what_leaves_more_is_known_less_and_a_gain_no_better_than_its_interval(
+    tmp_path_factory: pytest.TempPathFactory, left: float, worse: float, std: float
+):
+    folder = tmp_path_factory.mktemp("known")
+    gain = {"recalibrated": {"gain": {"after": 0.5, "std": std}}}
+    one = _known(folder, left, **_visible(0.004))
+    more = _known(folder, left + worse, **_visible(0.004), **gain)
+    assert one is not None
+    assert more is not None
+    assert LEAST_GAIN_ERROR_PERCENT <= one.gain_error_percent <= more.gain_error_percent
+    assert more.gain_error_percent >= 400.0 * std
