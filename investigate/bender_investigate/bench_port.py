@@ -8,7 +8,23 @@ from bender_hil.runner.voltages import Voltages
 from bender_investigate.safety import Allowed
 from bender_loop.control.pid import Gains
 from bender_loop.control.references import Profile
+from bender_loop.fmu.followed_model import FollowedModel
 from bender_loop.records.record import Record
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """Gains of the PID block, and the model that they follow.
+
+    Attributes:
+        gains: of the block.
+        model: that is followed; None for the block alone.
+        fmu: of the model.
+    """
+
+    gains: Gains
+    model: FollowedModel | None = None
+    fmu: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +71,8 @@ class BenchPort(Protocol):
         """
         ...
 
-    def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
-        """Follow set-points with the PID block.
+    def follow(self, folder: Path, reference: Profile, controller: Controller, duration_s: float) -> Played:
+        """Follow set-points with the PID block, alone or with its model.
 
         Raises:
             InputError, RunError: nothing could be played.

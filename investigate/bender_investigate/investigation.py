@@ -25,11 +25,11 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_hil.runner.voltages import Voltages
 from bender_investigate import excitation
-from bender_investigate.bench_port import BenchPort
+from bender_investigate.bench_port import BenchPort, Controller
 from bender_investigate.journal import JOURNAL, DecisionJournal
 from bender_investigate.outcome import Outcome
 from bender_investigate.proof import Comparison, Task, compare_costs, cost_of, order
-from bender_investigate.retuning import GAINS, retune, tune_settings
+from bender_investigate.retuning import GAINS, LOOP_HZ, retune, tune_settings
 from bender_investigate.safety import TRAVEL_SHARE, reached_um, refusal, rows_of, scaled
 from bender_investigate.settings import InvestigationSettings
 from bender_investigate.stage import BudgetSpentError, Stage, Tell
@@ -368,14 +368,21 @@ class Investigation:
         self.tell("tuning on the corrected model")
         try:
             found = retune(
-                fmu, self.old, settings, task, self.bench.loop_travel_um, prepare_directory(self.out / TUNED)
+                fmu,
+                self.old,
+                settings,
+                task,
+                self.bench.loop_travel_um,
+                prepare_directory(self.out / TUNED),
+                follow_model=allowed.rate_Hz <= LOOP_HZ,
             )
         except (InputError, RunError) as error:
             return None, f"no gains could be found for the corrected model ({error}); the old ones stay", None
         stage.journal.write(
             "tuned",
             found.sentence,
-            gains={name: getattr(found.gains, name) for name in found.gains.__dataclass_fields__},
+            gains=asdict(found.controller.gains),
+            model_following=found.following_note,
             task=asdict(task),
             old_cost_um_s2=found.old_cost,
             new_cost_um_s2=found.new_cost,
@@ -384,7 +391,7 @@ class Investigation:
             return None, f"{found.sentence}; the old gains stay", None
         if found.new_cost >= found.old_cost * (1.0 - self.settings.least_gain):
             return None, "by simulation the old gains are as good on the corrected model; they stay", None
-        comparison = self._alternate(stage, task, found.gains)
+        comparison = self._alternate(stage, task, found.controller)
         gains = f"{TUNED}/{GAINS}" if comparison.judgement == "better" else None
         return comparison, None, gains
 
@@ -396,7 +403,7 @@ class Investigation:
         low_um, high_um = self.bench.allowed.travel_um
         return min(max(float(np.median(reading_um[-10:])), 0.5 * low_um), 0.8 * high_um)
 
-    def _alternate(self, stage: Stage, task: Task, new: Gains) -> Comparison:
+    def _alternate(self, stage: Stage, task: Task, new: Controller) -> Comparison:
         costs: dict[str, dict[int, float]] = {"old": {}, "new": {}}
         try:
             for pair, which in order(self.settings.pairs):
@@ -404,9 +411,9 @@ class Investigation:
                     sum(np.isinf(list(costs["old"].values()))) >= 2 and len(costs["new"]) >= 2
                 ):
                     break
-                gains = self.old if which == "old" else new
+                controller = Controller(self.old) if which == "old" else new
                 why = f"set-points {task.high_um:.3g} and {task.low_um:.3g} µm with the {which} gains"
-                done = stage.follow(f"{which}-{pair + 1}", task.reference, gains, task.duration_s, why)
+                done = stage.follow(f"{which}-{pair + 1}", task.reference, controller, task.duration_s, why)
                 if done.trip is not None:
                     costs[which][pair] = np.inf
                 elif done.record is not None:

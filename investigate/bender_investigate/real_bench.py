@@ -13,14 +13,15 @@ from bender_hil.live.session import LiveSession
 from bender_hil.log.ending import EndOfRun
 from bender_hil.log.read_run import RUN, RunLog, read_run
 from bender_hil.log.results import RECORD, recover, write_results
+from bender_hil.runner.following_program import following
 from bender_hil.runner.interrupts import Interrupted, Interrupts
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
 from bender_hil.runner.run import run
 from bender_hil.runner.run_lock import sole_run_with_note
 from bender_hil.runner.voltages import Voltages
-from bender_investigate.bench_port import Played
+from bender_investigate.bench_port import Controller, Played
 from bender_investigate.safety import SLEW_SHARE, Allowed
-from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.pid import Limits
 from bender_loop.control.references import Profile
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
@@ -68,11 +69,15 @@ class RealBench:
         """Play a profile; the run's files go into the folder."""
         return self._run(folder, OpenLoop(voltages))
 
-    def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
-        """Follow set-points with the PID block, within the guard's limits."""
+    def follow(self, folder: Path, reference: Profile, controller: Controller, duration_s: float) -> Played:
+        """Follow set-points with the PID block, alone or with its model, within the guard's limits."""
         guard = self._bench.guard
         limits = Limits(guard.minimum_V, guard.maximum_V)
-        return self._run(folder, ClosedLoop(reference, gains, limits, SLEW_SHARE * guard.slew_V_per_s, duration_s))
+        alone = ClosedLoop(reference, controller.gains, limits, SLEW_SHARE * guard.slew_V_per_s, duration_s)
+        if controller.model is None or controller.fmu is None:
+            return self._run(folder, alone)
+        with following(alone, controller.model, controller.fmu, self._allowed.rate_Hz, preview=False) as program:
+            return self._run(folder, program)
 
     def recovered(self, folder: Path) -> Played | None:
         """Return what a run that was killed left in its folder; None where nothing of it reached the bench.

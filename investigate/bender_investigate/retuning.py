@@ -7,16 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from bender_hil.runner.oscillation import OscillationWatch, Ranges
+from bender_investigate.bench_port import Controller
 from bender_investigate.proof import Task, cost_um_s2
 from bender_investigate.safety import SLEW_SHARE, Allowed
 from bender_loop.control.closed_loop import simulate
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.trace import Trace
 from bender_loop.errors import RunError
+from bender_loop.fmu.diagnosed import diagnosed
+from bender_loop.fmu.file import read_description
+from bender_loop.fmu.followed_model import Loop, run_following
 from bender_loop.fmu.plant import FmuPlant
-from bender_tuner.results.gains_file import write_gains
 from bender_tuner.task.problem import pose_problem
-from bender_tuner.task.session import open_guarded, run_session
+from bender_tuner.task.session import Session, open_guarded, run_session, write_controller
 from bender_tuner.task.settings import TuneSettings, make_settings
 from bender_tuner.task.tuning import Ended
 
@@ -36,13 +39,15 @@ class Retuned:
     """What the tuning came to.
 
     Attributes:
-        gains: for the corrected model.
+        controller: gains for the corrected model, with the model where following it is better.
+        following_note: why the model is followed, or not; empty where nobody asked.
         old_cost, new_cost: by simulation of the corrected model, in µm s²; inf for a loop that the bench would end.
     """
 
-    gains: Gains
+    controller: Controller
     old_cost: float
     new_cost: float
+    following_note: str = ""
 
     @property
     def sentence(self) -> str:
@@ -51,7 +56,8 @@ class Retuned:
             f"{x:.4g} µm s²" if math.isfinite(x) else "a loop that swings until the bench ends it"
             for x in (self.old_cost, self.new_cost)
         )
-        return f"by simulation of the corrected model the cost goes from {old} to {new}"
+        how = "" if self.controller.model is None else ", with a controller that follows it"
+        return f"by simulation of the corrected model the cost goes from {old} to {new}{how}"
 
 
 def tune_settings(
@@ -81,9 +87,18 @@ def tune_settings(
 
 
 def retune(
-    fmu: Path, old: Gains, settings: TuneSettings, task: Task, travel_um: tuple[float, float], out: Path
+    fmu: Path,
+    old: Gains,
+    settings: TuneSettings,
+    task: Task,
+    travel_um: tuple[float, float],
+    out: Path,
+    *,
+    follow_model: bool = True,
 ) -> Retuned:
     """Tune on the corrected FMU, write its gains, and simulate both as the bench would run them.
+
+    The new gains follow the model where the tuner recommends it, by what the diagnosis beside the FMU leaves open.
 
     Args:
         fmu: the corrected model.
@@ -91,17 +106,20 @@ def retune(
         settings: of the tuning.
         task: the set-points by which both are compared.
         travel_um: where the bench ends a run.
-        out: directory for the gains.
+        out: directory for the gains, and for the FMU that they follow.
+        follow_model: a controller that follows the FMU is tuned too.
 
     Raises:
         InputError: the FMU will not do.
         RunError: the plant failed, or no gains were found.
         KeyboardInterrupt: by the user.
     """
-    gains = tuned(fmu, settings)
-    write_gains(out / GAINS, gains, settings.limits, settings.sampling.period_s)
-    old_cost, new_cost = (_expected(fmu, x, settings, task, travel_um) for x in (old, gains))
-    return Retuned(gains, old_cost, new_cost)
+    session = _session(fmu, settings, follow_model=follow_model)
+    write_controller(session, out)
+    followed = None if session.following is None else session.following.model
+    new = Controller(_gains_of(session), followed, None if followed is None else out / followed.fmu)
+    old_cost, new_cost = (_expected(fmu, x, settings, task, travel_um) for x in (Controller(old), new))
+    return Retuned(new, old_cost, new_cost, session.following_note)
 
 
 def tuned(fmu: Path, settings: TuneSettings) -> Gains:
@@ -110,8 +128,16 @@ def tuned(fmu: Path, settings: TuneSettings) -> Gains:
     Raises:
         InputError, RunError, KeyboardInterrupt: as `retune` does.
     """
-    with open_guarded(fmu) as (plant, facts):
-        session = run_session(plant, facts, pose_problem(plant, settings))
+    return _gains_of(_session(fmu, settings, follow_model=False))
+
+
+def _session(fmu: Path, settings: TuneSettings, *, follow_model: bool) -> Session:
+    can_follow = follow_model and read_description(fmu).coSimulation.canGetAndSetFMUstate
+    with open_guarded(fmu, found=diagnosed(fmu)) as (plant, facts):
+        return run_session(plant, facts, pose_problem(plant, settings), follow_model=bool(can_follow))
+
+
+def _gains_of(session: Session) -> Gains:
     if session.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
     gains = session.contenders[0].gains
@@ -120,23 +146,26 @@ def tuned(fmu: Path, settings: TuneSettings) -> Gains:
     return gains
 
 
-def _expected(fmu: Path, gains: Gains, settings: TuneSettings, task: Task, travel_um: tuple[float, float]) -> float:
+def _expected(
+    fmu: Path, controller: Controller, settings: TuneSettings, task: Task, travel_um: tuple[float, float]
+) -> float:
     """Return the cost of the two set-points by simulation; inf for a loop that the bench would end."""
     limits = Limits(settings.lower_V, settings.upper_V)
     with FmuPlant(fmu) as plant:
-        trace = simulate(
-            plant,
-            gains,
-            limits,
-            task.reference,
-            settings.sampling,
-            task.duration_s,
-            np.random.default_rng(settings.seed),
-            slew_V_per_s=settings.slew_V_per_s,
-        )
+        trace = _simulated(plant, controller, limits, settings, task)
     if trace.diverged or would_be_ended(trace, limits, travel_um):
         return float("inf")
     return cost_um_s2(trace.time_s, trace.displacement_um, task)
+
+
+def _simulated(plant: FmuPlant, controller: Controller, limits: Limits, settings: TuneSettings, task: Task) -> Trace:
+    gains, slew, sampling = controller.gains, settings.slew_V_per_s, settings.sampling
+    length_s, rng = task.duration_s, np.random.default_rng(settings.seed)
+    if controller.model is None or controller.fmu is None:
+        return simulate(plant, gains, limits, task.reference, sampling, length_s, rng, slew_V_per_s=slew)
+    weights = tuple(sampling.exposure_weights().tolist())
+    loop = Loop(sampling.period_s, limits, slew, sampling.latency_frames, weights)
+    return run_following(plant, controller.model, controller.fmu, gains, loop, task.reference, sampling, length_s, rng)
 
 
 def would_be_ended(trace: Trace, limits: Limits, travel_um: tuple[float, float]) -> bool:

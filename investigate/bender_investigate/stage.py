@@ -15,10 +15,9 @@ import numpy as np
 
 from bender_hil.guard.start import OutputUnknownError
 from bender_hil.runner.voltages import Voltages, read_profile_file
-from bender_investigate.bench_port import BenchPort, Played
+from bender_investigate.bench_port import BenchPort, Controller, Played
 from bender_investigate.journal import DecisionJournal
 from bender_investigate.safety import of_rows, rows_of
-from bender_loop.control.pid import Gains
 from bender_loop.control.references import Profile
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
@@ -93,7 +92,7 @@ class Stage:
             return self._taken_up(earlier, name, voltages)
         return [self._played(name, voltages, why)]
 
-    def follow(self, name: str, reference: Profile, gains: Gains, duration_s: float, why: str) -> Followed:
+    def follow(self, name: str, reference: Profile, controller: Controller, duration_s: float, why: str) -> Followed:
         """Follow set-points, or read back that an earlier sitting did.
 
         Raises:
@@ -107,7 +106,7 @@ class Stage:
             return self._followed_earlier(earlier)
         self._afford(duration_s)
         folder = self._announce(name, why, duration_s)
-        done = self._attended(folder, lambda: self.bench.follow(folder, reference, gains, duration_s))
+        done = self._attended(folder, lambda: self.bench.follow(folder, reference, controller, duration_s))
         if done.trip is None or done.trip.startswith(MISHAPS):
             return Followed(self._noted(folder, done), None)
         self.spent_s += done.seconds

@@ -6,7 +6,7 @@ import pytest
 
 from bender_hil.guard.start import OutputUnknownError
 from bender_hil.runner.voltages import Voltages
-from bender_investigate.bench_port import Played
+from bender_investigate.bench_port import Controller, Played
 from bender_investigate.journal import JOURNAL, DecisionJournal
 from bender_investigate.safety import Allowed, of_rows, rows_of
 from bender_investigate.stage import BudgetSpentError, Followed, Stage, TrippedError
@@ -52,7 +52,7 @@ class Bench:
         record = read_record(folder / "record.csv")
         return Played(record, float(time_s[-1]), self.trip, self.interrupted)
 
-    def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
+    def follow(self, folder: Path, reference: Profile, controller: Controller, duration_s: float) -> Played:
         time_s = np.arange(60) / ALLOWED.rate_Hz
         self.levels += [1.0] * 60
         record = Record(time_s, np.ones(60), np.ones(60))
@@ -179,7 +179,7 @@ def test_a_row_that_may_have_been_played_is_not_played_again(tmp_path):
 
 
 def _follow(one: Stage) -> Followed:
-    return one.follow("new-1", Profile((0.0,), (5.0,)), Gains(1.0, 1.0, 0.0), 2.0, "to see")
+    return one.follow("new-1", Profile((0.0,), (5.0,)), Controller(Gains(1.0, 1.0, 0.0)), 2.0, "to see")
 
 
 def test_a_lost_process_is_not_held_against_the_gains(tmp_path):

@@ -124,9 +124,12 @@ def _saved(bench: Any, folder: Path, old: Any) -> float:
     """
     import json
 
+    from bender_investigate.bench_port import Controller
+    from bender_investigate.investigation import TUNED
     from bender_investigate.journal import JOURNAL
     from bender_investigate.proof import Task, cost_of
-    from bender_loop.control.pid import Gains
+    from bender_investigate.retuning import GAINS
+    from bender_tuner.results.gains_file import read_controller
 
     tuned = [json.loads(x) for x in (folder / JOURNAL).read_text().splitlines()]
     found = next((x for x in reversed(tuned) if x["kind"] == "tuned"), None)
@@ -134,8 +137,10 @@ def _saved(bench: Any, folder: Path, old: Any) -> float:
         return math.nan
     task = Task(**found["task"])
     costs = []
-    for gains in (old, Gains(**found["gains"])):
-        record, trip = bench.looped(task.reference, gains, task.duration_s, None)
+    gains, _, _, model = read_controller(folder / TUNED / GAINS)
+    new = Controller(gains, model, None if model is None else folder / TUNED / model.fmu)
+    for controller in (Controller(old), new):
+        record, trip = bench.looped(task.reference, controller, task.duration_s, None)
         costs.append(math.inf if trip else cost_of(record, task))
     if math.isinf(costs[0]):
         return 0.0 if math.isinf(costs[1]) else 1.0

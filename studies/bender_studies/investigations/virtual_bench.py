@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 
 from bender_hil.guard.settings import GuardSettings
+from bender_hil.runner.following_program import FollowingLoop
 from bender_hil.runner.oscillation import OscillationWatch, ranges_of
 from bender_hil.runner.program import ClosedLoop
 from bender_hil.runner.voltages import Voltages
-from bender_investigate.bench_port import Played
+from bender_investigate.bench_port import Controller, Played
 from bender_investigate.safety import SLEW_SHARE, Allowed, rows_of
-from bender_loop.control.pid import Gains, Limits
+from bender_loop.control import model_following
+from bender_loop.control.pid import Limits
 from bender_loop.control.references import Profile
+from bender_loop.fmu.followed_model import Loop, open_follower
 from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import Bench, Case
 from bender_proving.cases.hidden import Sensor
@@ -30,6 +33,7 @@ LATENCY_FRAMES = 1
 """Between a frame and the command that rests on it: reading out, finding the tip, the wire to the supply."""
 LOOP_GUARD = GuardSettings()
 """Of the loop: what the guard holds a bench to unless told otherwise."""
+LIMITS, LOOP_SLEW_V_PER_S = Limits(LOOP_GUARD.minimum_V, LOOP_GUARD.maximum_V), SLEW_SHARE * LOOP_GUARD.slew_V_per_s
 GUARDS: dict[Sensor, GuardSettings] = {
     "camera": replace(LOOP_GUARD, slew_V_per_s=2000.0, travel_um=(-60.0, 120.0)),
     "vibrometer": replace(LOOP_GUARD, slew_V_per_s=200_000.0, travel_um=(-60.0, 120.0)),
@@ -93,10 +97,11 @@ class VirtualBench:
         record = Bench(self.case).record(plan, rng)
         return self._ended(folder, record)
 
-    def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
-        """Follow set-points with the PID block at 30 Hz."""
+    def follow(self, folder: Path, reference: Profile, controller: Controller, duration_s: float) -> Played:
+        """Follow set-points with the PID block, alone or with its model, at 30 Hz."""
         self.plays += 1
-        record, trip = self.looped(reference, gains, duration_s, np.random.default_rng([self.seed, self.plays]))
+        rng = np.random.default_rng([self.seed, self.plays])
+        record, trip = self.looped(reference, controller, duration_s, rng)
         write_record(folder / RECORD, record)
         return Played(record, float(record.time_s[-1]), trip)
 
@@ -108,7 +113,7 @@ class VirtualBench:
         return Played(record, float(record.time_s[-1]))
 
     def looped(
-        self, reference: Profile, gains: Gains, duration_s: float, rng: np.random.Generator | None
+        self, reference: Profile, controller: Controller, duration_s: float, rng: np.random.Generator | None
     ) -> tuple[Record, str | None]:
         """Run the loop; returns its record, and why it was ended before its time.
 
@@ -116,13 +121,25 @@ class VirtualBench:
 
         Args:
             reference: the set-points.
-            gains: of the PID block.
+            controller: gains, alone or with the model that they follow.
             duration_s: of the loop.
             rng: of the noise; None for a sensor without noise.
         """
+        gains, model, fmu = controller.gains, controller.model, controller.fmu
+        if model is None or fmu is None:
+            alone = ClosedLoop(reference, gains, LIMITS, LOOP_SLEW_V_PER_S, duration_s)
+            return self._looped(alone, duration_s, rng)
+        loop = Loop(1.0 / LOOP_HZ, LIMITS, LOOP_SLEW_V_PER_S, LATENCY_FRAMES)
+        with open_follower(model, fmu, gains, loop) as follower:
+            at_rest = model_following.rest(follower)
+            return self._looped(
+                FollowingLoop(reference, follower, model, fmu, loop, duration_s, at_rest), duration_s, rng
+            )
+
+    def _looped(
+        self, program: ClosedLoop | FollowingLoop, duration_s: float, rng: np.random.Generator | None
+    ) -> tuple[Record, str | None]:
         bench, period_s = Bench(self.case), 1.0 / LOOP_HZ
-        limits = Limits(LOOP_GUARD.minimum_V, LOOP_GUARD.maximum_V)
-        program = ClosedLoop(reference, gains, limits, SLEW_SHARE * LOOP_GUARD.slew_V_per_s, duration_s)
         watch = OscillationWatch(ranges_of(LOOP_GUARD))
         count = max(2, int(duration_s * LOOP_HZ))
         time_s = np.arange(count + 1) / LOOP_HZ
