@@ -1,4 +1,4 @@
-"""The comparison of the methods: its search for the optimum, its figures, what it says, and all of it on real FMUs."""
+"""The comparison of the methods: its search for the optimum, its figures, and all of it on real FMUs."""
 
 import json
 import math
@@ -12,7 +12,8 @@ import pytest
 from numpy.typing import ArrayLike
 
 from bender_loop.control.pid import Gains
-from bender_studies.tuning.figures import PlantResult, sentences, summarised, targets
+from bender_studies.benchmarks.tuner import heading
+from bender_studies.tuning.figures import PlantResult, summarised, targets
 from bender_studies.tuning.method_runs import MethodRun, MethodTask
 from bender_studies.tuning.optimum import Optimum, SearchEnd, agree, global_tasks, polish_tasks
 from bender_studies.tuning.plants import PLANTS, Problem
@@ -76,9 +77,7 @@ def test_search_looks_outside_the_box() -> None:
     assert optimum.wide_um2 == optimum.best_um2 == pytest.approx(1.0, abs=1e-5)
     # half a decade short in one direction, the best that the other can do: 0.25 (1 - 0.8^2)
     assert optimum.box_um2 == pytest.approx(1.09, abs=1e-4)
-    said = " ".join(sentences(result(optimum, pattern_search=(1.09, 1.1))))
-    assert "outside the box" in said
-    assert "1.09" in said
+    assert "in the box of the methods 1.09)" in heading(result(optimum, pattern_search=(1.09, 1.1)))
 
 
 @pytest.mark.parametrize("method", ["reliable_bas", "bas_printed"])
@@ -101,12 +100,10 @@ def test_figures_by_hand() -> None:
     assert row.median_cpu_s == 0.1
 
 
-def test_method_below_the_optimum_becomes_the_reference_and_is_named() -> None:
+def test_method_below_the_optimum_becomes_the_reference() -> None:
     found = result(OPTIMUM, random=(1.9, 2.1))
     assert found.reference_um2 == 1.9
     assert min(row.median_ratio for row in found.figures) >= 1.0
-    assert any("random found 1.9 µm², less than the search" in sentence for sentence in sentences(found))
-    assert not any("less than the search" in sentence for sentence in sentences(result(OPTIMUM, random=(2.0, 2.1))))
 
 
 def test_targets_are_judged_on_the_worse_plant() -> None:
@@ -141,8 +138,7 @@ def test_small_comparison_on_the_real_fmus_is_honest(tmp_path: Path) -> None:
         assert plant["optimum"]["evaluations"] >= 64
         assert all(row["median_ratio"] >= 1.0 for row in plant["figures"])
         assert {row["method"] for row in plant["figures"]} == {"reliable_bas", "bas_printed"}
-    for sentence in table["verdict"]:
-        assert sentence in done.stdout
+    assert all(target["met"] is not None and target["what"] in done.stdout for target in table["targets"])
 
 
 @pytest.mark.slow
@@ -150,7 +146,6 @@ def test_speed_measures_all_that_it_promises(tmp_path: Path) -> None:
     done = bender("speed", "--repeats", "1", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     table = json.loads((tmp_path / "speed.json").read_text(encoding="utf-8"))
-    bounds = {(figure["at_most"], figure["at_least"]) for figure in table["figures"]}
-    assert {(25.0, None), (1.3, None), (1.0, None), (None, 5.0), (0.4, None)} < bounds
+    assert {figure["at_most"] for figure in table["figures"]} == {25.0, None, 1.3, 1.0, 0.4, 0.3}
     assert all(figure["best"] > 0.0 and figure["median"] > 0.0 for figure in table["figures"])
     assert all(figure["what"] in done.stdout for figure in table["figures"])

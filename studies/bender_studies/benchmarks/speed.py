@@ -1,14 +1,8 @@
-"""`bender benchmark speed`: what an evaluation costs, held against the bare FMU and against simulate_fmu."""
+"""`bender benchmark speed`: what an evaluation costs, held against the bare FMU, and what a start costs."""
 
 import argparse
-import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from bender_studies.tuning.speed import Figure
-
-HELP = "a loop step over the bare FMU calls, a tuning, the same by simulate_fmu, the command line's start"
+HELP = "a loop step over the bare FMU calls, a tuning, the command line's start"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,39 +14,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table with its targets, write speed.json."""
-    from bender_export.build import ensure_plant_fmu
-    from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_result
-    from bender_loop.shell.progress import Progress, print_table
-    from bender_studies.tuning.speed import PLANT, SpeedSettings, measure_speed, scaled
-
-    settings = SpeedSettings()
-    try:
-        settings = settings if arguments.repeats is None else scaled(settings, arguments.repeats)
-    except ValueError as error:
-        raise InputError(f"--repeats: {error}") from None
-    out: Path = prepare_directory(arguments.out)
-    fmu = ensure_plant_fmu(PLANT.model)
-    help_command = [sys.executable, "-P", "-m", "bender_cli", "--help"]
-    with Progress("speed benchmark, parts") as progress:
-        figures, explanations = measure_speed(fmu, help_command, settings, progress.update)
-    table = {"figures": [facts(figure) for figure in figures], "compared": explanations}
-    write_result(out / "speed.json", table)
-    columns = ("measured", "unit", "best", "median", "target", "met")
-    print_table("What an evaluation costs", columns, [cells(figure) for figure in figures])
-    sys.stdout.writelines(f"{sentence}\n" for sentence in explanations)
-    sys.stdout.write(f"written: {out / 'speed.json'}\n")
-    return 0
-
-
-def facts(figure: "Figure") -> dict[str, object]:
-    """Return a figure for JSON."""
     from dataclasses import asdict
 
-    return {**asdict(figure), "met": figure.met}
+    from bender_export.build import ensure_plant_fmu
+    from bender_loop.shell.files import prepare_directory
+    from bender_loop.shell.progress import print_table
+    from bender_studies.runner import check_least, collected, write_facts
+    from bender_studies.tuning.speed import PLANT, measure_speed
 
-
-def cells(figure: "Figure") -> list[str | float | None]:
-    """Return a figure's row of the table."""
-    met = {None: None, True: "yes", False: "NO"}[figure.met]
-    return [figure.what, figure.unit, figure.best, figure.median, figure.target, met]
+    check_least(arguments, 1, "repeats")
+    out = prepare_directory(arguments.out)
+    measured = measure_speed(ensure_plant_fmu(PLANT.model), arguments.repeats)
+    figures, status = collected(measured, "speed benchmark, figures", lambda x: x.what)
+    met = {None: None, True: "yes", False: "NO"}
+    rows = [[x.what, x.unit, x.best, x.median, x.at_most, met[x.met]] for x in figures]
+    print_table("What an evaluation costs", ("measured", "unit", "best", "median", "at most", "met"), rows)
+    write_facts(out / "speed.json", {"figures": [asdict(x) | {"met": x.met} for x in figures]})
+    return status

@@ -1,18 +1,14 @@
-"""From runs to the figures of a table, and from the figures to plain sentences."""
+"""From runs to the figures of a table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
 from bender_studies.tuning.method_runs import MethodRun
 from bender_studies.tuning.optimum import Optimum
 from bender_studies.tuning.plants import BenchmarkPlant
-from bender_tuner.optimisers import METHODS
 
 DEFAULT_METHOD = "reliable_bas"
-BEETLES = ("bas_printed", "bas", "reliable_bas")
-LEVEL, LEVEL_WORST = 1.001, 1.01
-"""Methods are called level where their medians and their worst runs lie within these factors of each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,85 +99,6 @@ def targets(results: Sequence[PlantResult]) -> list[Target]:
             found.append(Target(f"{title}: median", median_bound, max(row.median_ratio for row in rows)))
             found.append(Target(f"{title}: worst", worst_bound, max(row.worst_ratio for row in rows)))
     return found
-
-
-def sentences(result: PlantResult) -> list[str]:
-    """Say of one plant which methods are best, where the beetles stand, and how sure the optimum is."""
-    name, rows, optimum = result.plant.name, result.figures, result.optimum
-    scores = {row.method: (row.median_ratio, row.worst_ratio) for row in rows}
-    best = level_with_best(scores)
-    places = {row.method: place for place, row in enumerate(rows, 1)}
-    said = [
-        _best(name, best, scores),
-        *(
-            f"{name}: {beetle} takes place {places[beetle]} of {len(rows)} ({_written(scores[beetle])})."
-            for beetle in BEETLES
-            if beetle in scores and beetle not in best
-        ),
-        f"{name}: the optimum is {optimum.best_um2:.6g} µm² from {optimum.evaluations} evaluations; "
-        f"{optimum.agreeing} of {optimum.polishes} polishing searches end within 0.1 % of the best of their box.",
-    ]
-    box_um2 = min(optimum.box_um2, *(run.best_um2 for run in result.runs if METHODS[run.method].space == "box"))
-    if box_um2 > LEVEL * result.reference_um2:
-        said.append(
-            f"{name}: the optimum lies outside the box that the methods search, whose own is {box_um2:.6g} µm²: "
-            f"{ratio(box_um2 / result.reference_um2)} is the best ratio to be had there."
-        )
-    if result.reference_um2 < optimum.best_um2 * (1.0 - 1e-6):
-        finder = min(result.runs, key=lambda run: run.best_um2)
-        said.append(
-            f"{name}: {finder.method} found {result.reference_um2:.6g} µm², less than the search for the optimum; "
-            "the ratios refer to that."
-        )
-    return said
-
-
-def overall(results: Sequence[PlantResult]) -> list[str]:
-    """Which methods are best over all plants, each by its worse plant, and whether a beetle is among them."""
-    names = [row.method for row in results[0].figures]
-    rows = {name: [row for result in results for row in result.figures if row.method == name] for name in names}
-    scores = {
-        name: (max(row.median_ratio for row in found), max(row.worst_ratio for row in found))
-        for name, found in rows.items()
-    }
-    best = level_with_best(scores)
-    said = [_best("All plants", best, scores)]
-    tried = [name for name in BEETLES if name in names]
-    kept = [name for name in tried if name in best]
-    if tried:
-        verdict = f"Yes: {', '.join(kept)}" if kept else "No"
-        said.append(f"Is beetle antennae search the best, or level with the best? {verdict}.")
-        said += [f"{name} is not ({_written(scores[name])})." for name in tried if name not in kept]
-    return said
-
-
-def level_with_best(scores: Mapping[str, tuple[float, float]]) -> list[str]:
-    """The methods that no other beats, the best one first.
-
-    The best has the smallest median ratio, then the smallest worst one; level with it is what comes within 0.1 % of
-    its median and within 1 % of its worst.
-
-    Args:
-        scores: median and worst ratio of each method.
-    """
-    order = sorted(scores, key=lambda name: scores[name])
-    median_ratio, worst_ratio = scores[order[0]]
-    return [
-        name
-        for name in order
-        if scores[name][0] <= LEVEL * median_ratio and scores[name][1] <= LEVEL_WORST * worst_ratio
-    ]
-
-
-def _best(where: str, best: Sequence[str], scores: Mapping[str, tuple[float, float]]) -> str:
-    if len(best) == 1:
-        return f"{where}: the best method is {best[0]} ({_written(scores[best[0]])})."
-    listed = ", ".join(f"{name} ({_written(scores[name])})" for name in best)
-    return f"{where}: the best methods, level with each other, are {listed}."
-
-
-def _written(score: tuple[float, float]) -> str:
-    return f"median {ratio(score[0])}, worst {ratio(score[1])}"
 
 
 def ratio(value: float) -> str:

@@ -1,6 +1,5 @@
 """The two closed loops on which the methods are compared, each around the FMU of a built-in model."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -65,7 +64,6 @@ class Problem:
     Args:
         plant: which loop.
         fmu: the FMU file of `plant.model`.
-        before_evaluation: called before each; what it raises ends the work.
 
     Attributes:
         guess: SIMC first guess at the setpoint, the centre of the searches.
@@ -76,8 +74,7 @@ class Problem:
         RunError: the FMU does not start.
     """
 
-    def __init__(self, plant: BenchmarkPlant, fmu: Path, before_evaluation: Callable[[], None] = lambda: None) -> None:
-        self._before_evaluation = before_evaluation
+    def __init__(self, plant: BenchmarkPlant, fmu: Path) -> None:
         sampling = plant.sampling
         self._plant = FmuPlant(fmu)
         model = linearise_at(self._plant, plant.setpoint_um, sampling, LIMITS).model
@@ -93,7 +90,6 @@ class Problem:
 
     def value(self, space: GainSpace, x: ArrayLike) -> float:
         """MSE in um^2 at a point of `space`; inf where it stands for no gains or the loop runs away."""
-        self._before_evaluation()
         self.evaluations += 1
         return at_point(self._objective, space, x)
 

@@ -1,14 +1,16 @@
-"""The comparison of the methods: settings, order of the work, result."""
+"""The comparison of the methods on one plant after the other: settings, order of the work, result."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import Any
 
+from bender_studies.runner import workers
 from bender_studies.tuning.figures import PlantResult, summarised
 from bender_studies.tuning.method_runs import MethodTask, gain_values
 from bender_studies.tuning.optimum import FEWEST_EVALUATIONS, agree, global_tasks, polish_tasks
 from bender_studies.tuning.plants import PLANTS, BenchmarkPlant, Problem
-from bender_studies.tuning.pool import Pool
 from bender_tuner.optimisers import DEFAULT_BUDGET, METHODS
 
 Report = Callable[[int, int, str], None]
@@ -23,7 +25,7 @@ class StudySettings:
         seeds: runs of every method, with the seeds 0, 1, ...
         evaluations: of a run.
         optimum_evaluations: of the search for the optimum, at least.
-        jobs: processes that work at the same time.
+        jobs: processes that work at the same time; None for one per processor.
         methods: keys of METHODS.
         plants: the loops.
 
@@ -34,23 +36,16 @@ class StudySettings:
     seeds: int = 30
     evaluations: int = DEFAULT_BUDGET
     optimum_evaluations: int = 20_000
-    jobs: int = 1
+    jobs: int | None = None
     methods: tuple[str, ...] = field(default_factory=lambda: tuple(METHODS))
     plants: tuple[BenchmarkPlant, ...] = PLANTS
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("seeds", 1),
-            ("evaluations", 1),
-            ("optimum_evaluations", FEWEST_EVALUATIONS),
-            ("jobs", 1),
-        ):
+        least = {"seeds": 1, "evaluations": 1, "optimum_evaluations": FEWEST_EVALUATIONS, "jobs": 1}
+        for name, bound in least.items():
             value = getattr(self, name)
-            if value < least:
-                raise ValueError(f"{name} must be >= {least}, found {value!r}")
-        for name in ("methods", "plants"):
-            if not getattr(self, name):
-                raise ValueError(f"{name} must name at least one, found none")
+            if value is not None and value < bound:
+                raise ValueError(f"{name} must be >= {bound}, found {value!r}")
         for method in self.methods:
             if method not in METHODS:
                 raise ValueError(f"methods must be among {', '.join(METHODS)}, found {method!r}")
@@ -70,18 +65,9 @@ class GuessTask:
 
 
 def run_study(settings: StudySettings, fmus: Mapping[str, Path], report: Report) -> list[PlantResult]:
-    """Compare the methods on every plant, one plant after the other.
-
-    Args:
-        settings: how much is done.
-        fmus: FMU file of each model that the plants name.
-        report: told how far the work is.
-
-    Raises:
-        InputError: an FMU file is missing or does not fit.
-        RunError: an FMU fails, or a process dies.
-    """
-    total = len(settings.plants) * _planned(settings)
+    """Compare the methods on every plant; `fmus` has the FMU of each model that the plants name."""
+    runs = len(settings.methods) * settings.seeds * settings.evaluations
+    total = len(settings.plants) * (runs + settings.optimum_evaluations)
     done = 0
     results: list[PlantResult] = []
     for plant in settings.plants:
@@ -91,29 +77,37 @@ def run_study(settings: StudySettings, fmus: Mapping[str, Path], report: Report)
             done += evaluations
             report(min(done, total), total, f"plant {name}")
 
-        with Pool(plant, fmus[plant.model], settings.jobs, advance) as pool:
-            results.append(_on_plant(settings, plant, pool))
+        results.append(_on_plant(settings, plant, fmus[plant.model], advance))
     return results
 
 
-def _on_plant(settings: StudySettings, plant: BenchmarkPlant, pool: Pool) -> PlantResult:
-    """The long searches go first, the runs fill the gaps, the polishing comes last."""
+def _on_plant(settings: StudySettings, plant: BenchmarkPlant, fmu: Path, advance: Callable[[int], None]) -> PlantResult:
+    """Searches, runs and polishing, in processes of the plant's own: two FMUs never meet in one interpreter."""
     searches = global_tasks(settings.optimum_evaluations)
     # Seed by seed, so that whatever else the machine does falls on all methods alike.
     runs = [
         MethodTask(method, seed, settings.evaluations) for seed in range(settings.seeds) for method in settings.methods
     ]
-    guess = [GuessTask()]
-    submitted = pool.submit(searches), pool.submit(guess), pool.submit(runs)
-    ends = pool.results(searches, submitted[0])
-    polishes = polish_tasks(ends, settings.optimum_evaluations)
-    polished = pool.submit(polishes)
-    ((gains, guess_um2),) = pool.results(guess, submitted[1])
-    found = pool.results(runs, submitted[2])
-    ends += pool.results(polishes, polished)
+    with workers(settings.jobs) as pool:
+
+        def results_of(tasks: Sequence[Any]) -> Iterator[Any]:
+            waiting = [pool.submit(_do, plant, fmu, task) for task in tasks]
+            for task, one in zip(tasks, waiting, strict=True):
+                yield one.result()
+                advance(task.weight)
+
+        *found, (gains, guess_um2) = results_of([*searches, *runs, GuessTask()])
+        ends, found = found[: len(searches)], found[len(searches) :]
+        polishes = polish_tasks(ends, settings.optimum_evaluations)
+        ends += results_of(polishes)
     optimum = agree(ends, sum(task.weight for task in [*searches, *polishes]))
     return summarised(plant, gains, guess_um2, optimum, found)
 
 
-def _planned(settings: StudySettings) -> int:
-    return len(settings.methods) * settings.seeds * settings.evaluations + settings.optimum_evaluations
+def _do(plant: BenchmarkPlant, fmu: Path, task: Callable[[Problem], Any]) -> Any:
+    return task(_problem(plant, fmu))
+
+
+@cache
+def _problem(plant: BenchmarkPlant, fmu: Path) -> Problem:
+    return Problem(plant, fmu)
