@@ -94,8 +94,13 @@ def page(effect: Effect, text: str) -> str:
     text = _with_section(text, "What it is confused with", _table(["effect", "what separates it"], rows))
     covered = "covered ([scaled](index.md#ranges))" if effect.relative else "covered"
     heads = ["parameter", "unit", covered, "typical", "meaning"]
-    rows = [_parameter_row(effect, name) for name in effect.defaults]
+    rows = [_parameter_row(effect, name) for name in shown_parameters(effect)]
     return _with_section(text, "Parameters", _table(heads, rows))
+
+
+def shown_parameters(effect: Effect) -> list[str]:
+    """Return the parameters on a page: all but the range that a curve was learned from, which the index explains."""
+    return [name for name in effect.defaults if not name.startswith("straight_")]
 
 
 def _parameter_row(effect: Effect, name: str) -> list[str]:
