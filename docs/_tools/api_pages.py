@@ -14,9 +14,9 @@ FOLDER = "api"
 _INDEX = """\
 # API
 
-What a program or a package of yours may use, from the docstrings; everything else is read in its source. The
-interface that stays (commands, files, columns of a record, variables of the FMUs) is in the
-[reference](../reference/commands.md); names here may change with any version.
+What a program or a package of yours may use, from the docstrings; the rest is read in its source. What stays
+(commands, files, columns of a record, variables of the FMUs) is in the [reference](../reference/commands.md); names
+here may change with any version.
 
 ```{{toctree}}
 :maxdepth: 1
