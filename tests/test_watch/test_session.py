@@ -16,6 +16,7 @@ from bender_loop.records.record import read_record
 from bender_plant.model import load_model
 from bender_watch.baseline.learn import learn
 from bender_watch.follow.heading import Naming
+from bender_watch.follow.rows import Rows
 from bender_watch.follow.sources import Arrival, Source
 from bender_watch.session import EVENTS, STATE, Session
 from bender_watch.settings import Settings
@@ -107,6 +108,19 @@ def test_amplitudes_outside_the_training_range_are_said_once_and_not_judged(devi
     assert set(kinds(events)) == {"outside_training_range", "inside_again"}
     rows = [x["row"] for x in events if x["event"] in ("outside_training_range", "inside_again")]
     assert all(back - gone > 64 for gone, back in zip(rows[::2], rows[1::2], strict=False))
+
+
+def test_every_crest_of_a_slow_sine_is_no_news(device: Any) -> None:
+    """Each excursion that is said asks for twice as many rows inside before the next one is."""
+    training = read_record(device.training)
+    baseline = learn(load_model("beam"), training, HOW.rows_between_false_alarms)
+    watcher, time = Watcher(load_model("beam"), training, baseline, HOW), np.arange(20_000) * baseline.interval_s
+    known = baseline.range
+    volts = 0.5 * (known.low_V + known.high_V) + 0.6 * (known.high_V - known.low_V) * np.sin(np.arange(20_000) / 100.0)
+    rows = Rows(time, volts, np.full(20_000, np.nan), None)
+    said = [x["event"] for x in [*watcher.begin_record("own", rows), *watcher.take(rows)]]
+    assert 1 <= said.count("outside_training_range") <= 4
+    assert watcher.outside > 5000
 
 
 def test_one_that_was_killed_goes_on_and_says_nothing_twice(

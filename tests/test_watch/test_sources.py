@@ -105,7 +105,20 @@ def test_a_note_in_a_folder_is_passed_over(tmp_path: Path) -> None:
     found = followed(tmp_path)
     assert "a_note.txt" in found[0].refused
     assert told(found) == [(True, [0.0, 1.0, 2.0])]
+    replayed = list(Source([tmp_path], Naming(), follow=False).arrivals())
+    assert [x.refused for x in replayed] == [x.refused for x in found[:2]]
     with pytest.raises(InputError, match=r"a_note\.txt"):
+        list(Source([tmp_path / "a_note.txt"], Naming(), follow=False).arrivals())
+
+
+def test_a_folder_without_a_record_and_a_damaged_record_in_one_are_errors_of_a_replay(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="found no file"):
+        list(Source([tmp_path], Naming(), follow=False).arrivals())
+    (tmp_path / "a_note.txt").write_text("look at the clamp\n" * 500)
+    with pytest.raises(InputError, match="1 files that are none, expected records"):
+        list(Source([tmp_path], Naming(), follow=False).arrivals())
+    (tmp_path / "b.csv").write_text(HEAD + text(0, 3) + "4.0,x,1.0\n")
+    with pytest.raises(InputError, match=r"b\.csv, line 5"):
         list(Source([tmp_path], Naming(), follow=False).arrivals())
 
 

@@ -177,3 +177,24 @@ def test_a_fade_that_goes_on_in_another_way_is_an_alarm_again(goes_on: float) ->
     assert max(before) < 21_000
     assert behind[: len(before)] == before
     assert 21_000 < behind[len(before)] < 25_000
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1000, 9000), st.sampled_from([-3.0, 2.0]), st.sampled_from([0.0, 1e-4]), st.integers(0, 20))
+def test_what_jumps_once_does_not_move_and_what_moves_beside_it_does(
+    at: int, jump: float, slope: float, seed: int
+) -> None:
+    def course(time: np.ndarray) -> np.ndarray:
+        return slope * time + np.where(time >= at, jump, 0.0)
+
+    found = trends_of(course, at + 40, seed)
+    found.split(40)
+    later = trends_of(lambda time: course(time + at + 40), 10_000 - at, seed + 1)
+    for rows in later.sums:
+        found.sums = np.concatenate([found.sums, rows[None] + [0.0, rows[0] * (at + 40), 0.0, 0.0, 0.0, 0.0, 0.0]])
+    other = Trends()
+    other.restore(json.loads(json.dumps(found.state())))
+    gain = other.trends(0.05, 10.0, 0.9999)[0]
+    assert gain.significant == (slope > 0.0)
+    assert gain.now == pytest.approx(0.01 * (jump + 1e4 * slope), abs=0.002)
+    assert gain.per_s == pytest.approx(0.01 * slope, abs=3e-7 + 4.0 * gain.per_s_std)

@@ -2,7 +2,8 @@
 
 Over each stretch the whitened residual gives amplitude and deviation of level and gain together (least squares). What
 scatters more than noise allows widens every interval by the same factor. Neighbouring stretches are put together where
-there are too many, so that the whole history is kept in memory that does not grow.
+there are too many, so that the whole history is kept in memory that does not grow. Behind a change that stands the line
+goes on from another level: what jumps once does not move.
 
 The forecast is a straight line whose slope wanders: an integrated Wiener process beside it (Wahba, JRSS B 40, 1978).
 How far it wanders is weighed by the likelihood of the stretches, so that what bends is not told as a straight line, and
@@ -21,11 +22,13 @@ from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 OF = ("gain", "offset")
 MOST_STRETCHES = 128
 FEWEST_STRETCHES = 8
 ROWS_OF_A_STRETCH = 256
+MOST_BREAKS = 16
 SIGNIFICANT = 0.99
 WANDERS = (0.0, 0.125, 0.25, 0.5, 1.0, 2.0)
 """By how much of itself the slope may change over the history, one deviation; taken as equally likely beforehand."""
@@ -63,10 +66,13 @@ class Trends:
 
     Attributes:
         sums: (n, 7) of stretches: rows, times, z0 z0, z0 z1, z1 z1, z0 e, z1 e.
+        size: rows of a stretch.
+        breaks: rows behind which gain and offset are others at once.
     """
 
     sums: Array = field(default_factory=lambda: np.zeros((0, 7)))
     size: int = ROWS_OF_A_STRETCH
+    breaks: list[int] = field(default_factory=list[int])
 
     def add(self, time_s: Array, innovations: Array, level: Array, gain: Array) -> None:
         """Add judged rows (n,): innovations, and what 1 um of offset and a gain of 1 would add to them."""
@@ -87,22 +93,39 @@ class Trends:
             if len(self.sums) > MOST_STRETCHES:
                 self._put_together()
 
+    def split(self, before: int) -> None:
+        """Begin the lines anew at a change that stands: a step is no slope.
+
+        Args:
+            before: rows that have been added since the change.
+        """
+        self.breaks = [*self.breaks, max(int(self.sums[:, 0].sum()) - before, 0)][-MOST_BREAKS:]
+
+    def _parts(self) -> tuple[NDArray[np.int64], Mask]:
+        """Return between which breaks each stretch lies (n,), and which stretches a break goes through."""
+        ends = np.cumsum(self.sums[:, 0])
+        begins = ends - self.sums[:, 0]
+        part = np.searchsorted(self.breaks, begins, side="right")
+        return part, part != np.searchsorted(self.breaks, ends, side="left")
+
     def _put_together(self) -> None:
         pairs = self.sums[: len(self.sums) // 2 * 2].reshape(-1, 2, 7)
         self.sums = np.concatenate([pairs.sum(axis=1), self.sums[len(pairs) * 2 :]])
         self.size *= 2
 
-    def estimates(self) -> tuple[Array, Array, Array]:
-        """Return times (n,), amplitudes (n, 2) of level and gain, and their deviations (n, 2)."""
-        times, values, errors = [], [], []
-        for rows, time, a, b, c, d, e in self.sums:
+    def estimates(self) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+        """Return times (n,), amplitudes (n, 2) of level and gain, their deviations, and parts between breaks (n,)."""
+        times, values, errors, parts = [], [], [], []
+        for (rows, time, a, b, c, d, e), part, broken in zip(self.sums, *self._parts(), strict=True):
             determinant = a * c - b * b
-            if determinant <= 1e-9 * max(a * c, 1e-300):
+            if broken or determinant <= 1e-9 * max(a * c, 1e-300):
                 continue
+            parts.append(part)
             times.append(time / rows)
             values.append(((c * d - b * e) / determinant, (a * e - b * d) / determinant))
             errors.append((math.sqrt(c / determinant), math.sqrt(a / determinant)))
-        return np.array(times), np.array(values).reshape(-1, 2), np.array(errors).reshape(-1, 2)
+        every = np.unique(np.array(parts, dtype=np.int64), return_inverse=True)[1]
+        return np.array(times), np.array(values).reshape(-1, 2), np.array(errors).reshape(-1, 2), every
 
     def trends(
         self, tolerance: float, stroke_um: float, significance: float = SIGNIFICANT, names: Sequence[str] = OF
@@ -115,38 +138,45 @@ class Trends:
             significance: of a slope that is one.
             names: of those that are looked at.
         """
-        times, values, errors = self.estimates()
-        if times.size < FEWEST_STRETCHES:
+        times, values, errors, parts = self.estimates()
+        if times.size < FEWEST_STRETCHES + (int(parts[-1]) if parts.size else 0):
             return []
+        at = np.eye(int(parts[-1]) + 1)[parts]
         limits = {"gain": (1, tolerance), "offset": (0, tolerance * stroke_um)}
         return [
-            _trend(name, times, values[:, k], errors[:, k], limit, significance)
+            _trend(name, times, at, values[:, k], errors[:, k], limit, significance)
             for name, (k, limit) in limits.items()
             if name in names
         ]
 
     def state(self) -> dict[str, Any]:
         """Return what is remembered."""
-        return {"sums": self.sums.tolist(), "size": self.size}
+        return {"sums": self.sums.tolist(), "size": self.size, "breaks": self.breaks}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state."""
         self.sums, self.size = np.array(state["sums"]).reshape(-1, 7), int(state["size"])
+        self.breaks = list(state["breaks"])
 
 
-def _trend(name: str, times: Array, values: Array, errors: Array, limit: float, significance: float) -> Trend:
+def _trend(
+    name: str, times: Array, at: Array, values: Array, errors: Array, limit: float, significance: float
+) -> Trend:
     end, span = float(times[-1]), float(times[-1] - times[0])
-    x, free = (times - end) / span, times.size - 2
-    columns = np.column_stack([np.ones_like(x), x])
+    x = (times - end) / span
+    # of all parts between breaks one slope, of each its own level; the last ones are those of now
+    columns = np.column_stack([at, x])
+    free = times.size - columns.shape[1]
     covariance: Array = np.linalg.inv(columns.T @ (columns / errors[:, None] ** 2)).astype(np.float64)
-    now, slope = covariance @ columns.T @ (values / errors**2)
-    scatter = float(np.sum(((values - now - slope * x) / errors) ** 2)) / free
-    std = math.sqrt(max(1.0, scatter) * covariance[1, 1])
+    line = covariance @ columns.T @ (values / errors**2)
+    now, slope = line[-2:]
+    scatter = float(np.sum(((values - columns @ line) / errors) ** 2)) / free
+    std = math.sqrt(max(1.0, scatter) * covariance[-1, -1])
     if abs(slope) <= float(student.ppf(0.5 + 0.5 * significance, free)) * std:
         return Trend(name, float(now), float(slope / span), std / span, False)
     # of small matrices: threads that wait for a core take many times as long as the work
     with threadpool_limits(limits=1):
-        forecasts = [_wandering(x, values, errors, wander * slope) for wander in WANDERS]
+        forecasts = [_wandering(x, columns, values, errors, wander * slope) for wander in WANDERS]
     weights = np.exp(np.array([y.log_likelihood for y in forecasts]) - max(y.log_likelihood for y in forecasts))
     weights /= weights.sum()
     side = math.copysign(1.0, slope)
@@ -166,18 +196,19 @@ class _Forecast:
     log_likelihood: float
 
 
-def _wandering(x: Array, values: Array, errors: Array, wander: float) -> _Forecast:
+def _wandering(x: Array, own: Array, values: Array, errors: Array, wander: float) -> _Forecast:
     """Return the forecast of a line whose slope wanders by one deviation over the history.
 
     Universal kriging and the restricted likelihood (Stein 1999, Interpolation of Spatial Data, section 6.4).
 
     Args:
         x: (n,) times, from -1 to 0 at the last one.
+        own: (n, parts + 1) columns of the line: levels between breaks, and x.
         values: (n,)
         errors: (n,) deviations.
         wander: of the slope.
     """
-    own, ahead = np.column_stack([np.ones_like(x), x]), np.column_stack([np.ones_like(AHEAD), AHEAD])
+    ahead = np.column_stack([np.zeros((AHEAD.size, own.shape[1] - 2)), np.ones_like(AHEAD), AHEAD])
     within, across = (wander**2 * _integrated_wiener(x + 1.0, y + 1.0) for y in (x, AHEAD))
     factor = cho_factor(within + np.diag(errors**2), lower=True)
     solved = cho_solve(factor, own)
@@ -185,7 +216,7 @@ def _wandering(x: Array, values: Array, errors: Array, wander: float) -> _Foreca
     line = np.linalg.solve(normal, solved.T @ values)
     left = values - own @ line
     weighed = cho_solve(factor, left)
-    square, free = float(left @ weighed), values.size - 2
+    square, free = float(left @ weighed), values.size - own.shape[1]
     scatter = max(1.0, square / free)
     mean = ahead @ line + across.T @ weighed
     short = ahead - across.T @ solved

@@ -45,7 +45,8 @@ A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
 SUSPECTED = 3
 INSIDE_AGAIN = 64
-"""Rows inside the training range after which an excursion is over: every crest of a sine is no news."""
+"""Rows inside the training range after which an excursion is over, twice as many for each further one: every crest of a
+sine is no news, however slow it is."""
 MOST_WAITED = 4
 """Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
@@ -103,6 +104,7 @@ class Watcher:
     _unjudged: int = field(default=0, init=False)
     _is_outside: bool = field(default=False, init=False)
     _inside: int = field(default=0, init=False)
+    _inside_again: int = field(default=INSIDE_AGAIN, init=False)
     _told: set[str] = field(default_factory=set, init=False)
     _silent_rows: int = field(default=0, init=False)
     _silent_after: int = field(init=False)
@@ -221,7 +223,7 @@ class Watcher:
             "model": None if self.model is None else self.model.to_table(),
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "is_outside": self._is_outside,
-            "inside": self._inside, "behind_s": self._behind_s, "clock_s": self._clock_s,
+            "inside": [self._inside, self._inside_again], "behind_s": self._behind_s, "clock_s": self._clock_s,
             "told": sorted(self._told), "trends": self.trends.state(), "moved": self._moved.tolist(),
             "deviations": self._deviations.tolist(),
             "silence": [self._silent_rows, self._silent_after, self._repeats],
@@ -248,7 +250,8 @@ class Watcher:
         self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._is_outside = facts["unjudged"], facts["is_outside"]
-        self._inside, self._behind_s, self._clock_s = facts["inside"], facts["behind_s"], facts["clock_s"]
+        self._inside, self._inside_again = facts["inside"]
+        self._behind_s, self._clock_s = facts["behind_s"], facts["clock_s"]
         self._told, self._moved = set(facts["told"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
         self._silent_rows, self._silent_after, self._repeats = facts["silence"]
@@ -374,9 +377,9 @@ class Watcher:
         self.outside += int(beyond.sum())
         begin = 0
         for k in [*np.flatnonzero(beyond).tolist(), len(rows)]:
-            back = begin + INSIDE_AGAIN - self._inside - 1
+            back = begin + self._inside_again - self._inside - 1
             if self._is_outside and back < k:
-                self._is_outside = False
+                self._is_outside, self._inside_again = False, 2 * self._inside_again
                 yield {"event": "inside_again", "row": self.rows + back + 1, "time_s": float(rows.time_s[back])}
             if k == len(rows):
                 self._inside += k - begin
@@ -533,6 +536,7 @@ class Watcher:
         clip = wide_clip(e[rows[places] >= waiting.first_row])
         onset, suspects = self._onset(waiting.exceedance.test, e, z, clip)
         first = int(places[onset.place])
+        since_change = int(np.sum((rows[places] >= rows[first]) & (rows[places] <= waiting.event["row"])))
         is_last = is_end or 2 * waiting.rows > KEPT
         if not is_last and places.size - onset.place < FEWEST_TO_LEARN:
             self._pending = replace(waiting, rows=2 * waiting.rows)
@@ -565,6 +569,8 @@ class Watcher:
         # what grows goes on, and what has changed again may: a small fade looks like a change that stands
         learned = self._learned(model, first, drifts=onset.grows or self.alarms > 1)
         corrected = "with the corrected model" if model is not self.model else "with the rows since then as normal"
+        if not onset.grows:
+            self.trends.split(since_change)
         yield told | {"goes_on": "as before" if learned is None else corrected}
         self.detector.reset()
         if learned is not None:

@@ -30,6 +30,10 @@ class Part(NamedTuple):
     rows: Rows
 
 
+class NoRecordError(InputError):
+    """A text that holds no record from its first line on."""
+
+
 @dataclass(slots=True)
 class Lines:
     """Lines of one file, whole ones taken as they come.
@@ -71,7 +75,8 @@ class Lines:
             is_all: no more will come, so that the last line is a whole one.
 
         Raises:
-            InputError: a column is missing, or a row is bad and `strict`.
+            NoRecordError: it is no table, or a column is missing.
+            InputError: a row is bad and `strict`.
         """
         whole = self._whole(data, is_all)
         if self.heading is None:
@@ -121,9 +126,14 @@ class Lines:
         if not self._top and not is_all:
             return b""
         if 0 in self._top:
-            raise InputError(f"{self.path}: found a zero byte, as UTF-16 and binary files have, expected text in UTF-8")
-        text, self.encoding = decoded(Path(self.path), self._top, TextLayout())
-        self.heading = heading_of(self.path, text or "\n", self.naming, is_all=is_all)
+            raise NoRecordError(
+                f"{self.path}: found a zero byte, as UTF-16 and binary files have, expected text in UTF-8"
+            )
+        try:
+            text, self.encoding = decoded(Path(self.path), self._top, TextLayout())
+            self.heading = heading_of(self.path, text or "\n", self.naming, is_all=is_all)
+        except InputError as error:
+            raise NoRecordError(str(error)) from None
         if self.heading is None:
             return b""
         lines = self._top.splitlines(keepends=True)

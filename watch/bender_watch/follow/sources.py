@@ -11,7 +11,7 @@ from typing import Any
 from bender_loop.errors import InputError
 from bender_watch.follow.growing import BYTES_AT_ONCE, Growing
 from bender_watch.follow.heading import Naming
-from bender_watch.follow.lines import Lines
+from bender_watch.follow.lines import Lines, NoRecordError
 from bender_watch.follow.rows import Rows
 from bender_watch.follow.run import RunRows, is_run
 
@@ -116,10 +116,14 @@ class Source:
     def _files(self) -> Iterator[Arrival]:
         done = list(self.position.get("done", ()))
         now = self.position.get("file")
+        passed_over: list[Path] = []
         while True:
             waiting = [x for x in self._listed() if str(x) not in done]
             if not waiting:
                 if not self.follow:
+                    if len(passed_over) == len(done):
+                        many = f"{len(passed_over)} files that are none" if done else "no file"
+                        raise InputError(f"{', '.join(map(str, self.paths))}: found {many}, expected records")
                     return
                 yield Arrival("", False, None, {})
                 self.wait(WAIT_S)
@@ -133,8 +137,9 @@ class Source:
                 yield from self._file(path, done, now == str(path))
             except InputError as error:
                 # a note that somebody puts into a folder is no reason to end
-                if not self.follow or path in self.paths:
+                if path in self.paths or not (self.follow or isinstance(error, NoRecordError)):
                     raise
+                passed_over.append(path)
                 yield Arrival(str(path), False, None, {}, str(error))
             done.append(str(path))
             now = None
