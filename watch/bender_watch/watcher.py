@@ -50,7 +50,6 @@ sine is no news, however slow it is."""
 MOST_WAITED = 4
 """Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
-ALARMS_OF_LEVEL = ("level_up", "level_down")
 NEARER, FAR = 0.5, 6.0
 """By how much the first reading is nearer to rest than to the first command, and how far from that in noise."""
 FEWEST_TO_LEARN = 256
