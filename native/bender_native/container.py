@@ -143,24 +143,29 @@ def corrected_system(container: bytes, corrected: Corrected, parameters: Mapping
         corrected: what is in it.
         parameters: of the container, by name.
     """
-    outputs = (corrected.output, *(x.output for x in corrected.further))
-    ports = ((corrected.input.name, "input"), *((x.name, "output") for x in outputs))
+    variables = _variables(container)
+    ports = [(x.attrib["name"], x.attrib["causality"]) for x in variables if x.get("causality") in ("input", "output")]
     return one_component("Corrected", container, ports, parameters, corrected.step_s)
 
 
 def parameters_of(container: bytes) -> dict[str, float]:
     """Return the parameters of a container and their start values."""
     found: dict[str, float] = {}
+    for variable in _variables(container):
+        value = variable.find("Real")
+        if variable.get("causality") == "parameter" and value is not None:
+            found[variable.attrib["name"]] = float(value.get("start", "0"))
+    return found
+
+
+def _variables(container: bytes) -> list[ElementTree.Element]:
+    """Return the variables that the model description of an FMU lists."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "container.fmu"
         path.write_bytes(container)
         with zipfile.ZipFile(path) as archive:
             root = ElementTree.fromstring(read_text(archive))
-    for variable in root.iter("ScalarVariable"):
-        value = variable.find("Real")
-        if variable.get("causality") == "parameter" and value is not None:
-            found[variable.attrib["name"]] = float(value.get("start", "0"))
-    return found
+    return list(root.iter("ScalarVariable"))
 
 
 def parameter_values(corrected: Corrected) -> dict[str, float]:

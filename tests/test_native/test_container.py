@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from few import few_rows
 from fmu_hosts import IMPORTERS, hosted, largest_difference
-from foreign_fmus import foreign_fmu, needs_compiler
+from foreign_fmus import arm_fmu, foreign_fmu, needs_compiler
 
 from bender_export.archive import unpacked
 from bender_export.slaves.stage import StagesBefore, StagesBehind
@@ -150,6 +150,14 @@ def test_its_parameters_are_those_of_the_correction(corrected: Corrected, fmu: P
     inside = unpacked(fmu.parent / "it.ssp")
     assert set(inside) == {"SystemStructure.ssd", "resources/Corrected.fmu", "resources/corrected.ssv"}
     assert b"behind.calibration.gain" in inside["resources/corrected.ssv"]
+
+
+def test_a_system_has_a_port_for_every_input_and_output(corrected: Corrected, tmp_path: Path) -> None:
+    """A further input that has none can be connected by nobody."""
+    (tmp_path / "it.ssp").write_bytes(corrected_system(arm_fmu(tmp_path / "arm.fmu").read_bytes(), corrected, {}))
+    structure = unpacked(tmp_path / "it.ssp")["SystemStructure.ssd"].decode()
+    for name, kind in (("command", "input"), ("load", "input"), ("tip", "output"), ("force", "output")):
+        assert f'<ssd:Connector name="{name}" kind="{kind}">' in structure
 
 
 @pytest.mark.slow
