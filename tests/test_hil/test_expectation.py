@@ -430,6 +430,84 @@ def test_a_recording_follows_no_command(seed: int):
     assert "against" in _line(_log((-delayed).tolist(), command_V, None))
 
 
+@given(
+    seed=st.integers(0, 1000), gain=st.floats(0.3, 1.0), delay_s=st.floats(0.0, 0.3), noise_um=st.floats(0.0, 0.12),
+    frequency_Hz=st.floats(0.1, 0.6), creep=st.floats(0.0, 0.15), dead_V=st.floats(0.0, 5.0),
+)  # fmt: skip
+def test_an_open_loop_that_works_is_as_planned(
+    seed: int, gain: float, delay_s: float, noise_um: float, frequency_Hz: float, creep: float, dead_V: float
+):
+    time_s = PERIOD_S * np.arange(300)
+    noise = noise_um * np.random.default_rng(seed).standard_normal(300)
+    for command_V in (20.0 - 20.0 * np.cos(2.0 * np.pi * frequency_Hz * time_s), np.minimum(time_s * 10.0, 40.0)):
+        acting_V = np.interp(time_s - delay_s, time_s, np.maximum(command_V - dead_V, 0.0))
+        slow_um = creep * gain * acting_V.max() * np.log1p(time_s / 0.5) / math.log1p(10.0 / 0.5)
+        line = _line(_log((gain * acting_V + slow_um + noise).tolist(), command_V.tolist(), None))
+        assert line.startswith("as planned")
+
+
+@given(seed=st.integers(0, 1000), share=st.floats(0.2, 0.8), frequency_Hz=st.floats(0.3, 0.6))
+def test_a_tip_that_sticks_at_any_moment_is_not_as_planned(seed: int, share: float, frequency_Hz: float):
+    time_s = PERIOD_S * np.arange(300)
+    command_V = 20.0 - 20.0 * np.cos(2.0 * np.pi * frequency_Hz * time_s)
+    tip_um = 0.4 * command_V
+    tip_um[round(share * 300) :] = tip_um[round(share * 300)]
+    tip_um += 0.1 * np.random.default_rng(seed).standard_normal(300)
+    assert _line(_log(tip_um.tolist(), command_V.tolist(), None)).startswith("not as planned")
+
+
+def test_a_tip_that_sticks_for_a_while_is_told_with_the_time():
+    time_s = PERIOD_S * np.arange(300)
+    command_V = 20.0 - 20.0 * np.cos(np.pi * time_s)
+    tip_um = 0.4 * command_V
+    tip_um[100:160] = tip_um[100]
+    line = _line(_log(tip_um.tolist(), command_V.tolist(), None))
+    assert "did not move from 3.3 to 5.3 s, while the command went 36.2 V" in line
+
+
+@pytest.mark.parametrize("rate_um_per_s", [0.6, -1.0, 1.2])
+def test_a_wire_that_creeps_away_in_an_open_loop_is_told_and_creep_that_slows_down_is_not(rate_um_per_s: float):
+    time_s = PERIOD_S * np.arange(600)
+    command_V = 20.0 - 20.0 * np.cos(np.pi * time_s)
+    wire_um = 0.4 * command_V + rate_um_per_s * time_s
+    assert "creeps away" in _line(_log(wire_um.tolist(), command_V.tolist(), None))
+    material_um = 0.4 * command_V + 8.0 * rate_um_per_s * (1.0 - np.exp(-time_s / 4.0))
+    assert _line(_log(material_um.tolist(), command_V.tolist(), None)).startswith("as planned")
+
+
+def _moving(tip_um: Any, command_V: Any, aim_um: Any) -> RunLog:
+    log = _log(list(map(float, tip_um)), list(map(float, command_V)), None, mode="closed_loop")
+    ticks = tuple({**tick, "setpoint_um": float(x)} for tick, x in zip(log.ticks, aim_um, strict=True))
+    return RunLog(Path(), log.start, ticks, (), ())
+
+
+@given(
+    seed=st.integers(0, 1000), delay_s=st.floats(0.0, 0.4), share=st.floats(0.75, 1.2), frequency_Hz=st.floats(0.1, 0.5)
+)
+def test_a_loop_that_follows_moving_set_points_late_is_as_planned(
+    seed: int, delay_s: float, share: float, frequency_Hz: float
+):
+    time_s = PERIOD_S * np.arange(300)
+    aim_um = 10.0 - 8.0 * np.cos(2.0 * np.pi * frequency_Hz * time_s)
+    tip_um = 10.0 + share * (np.interp(time_s - delay_s, time_s, aim_um) - 10.0)
+    tip_um += 0.1 * np.random.default_rng(seed).standard_normal(300)
+    assert _line(_moving(tip_um, tip_um / 0.4, aim_um)).startswith("as planned")
+
+
+@pytest.mark.parametrize("how", ["saturated", "half the gain", "beside", "the first of two"])
+def test_a_loop_that_misses_moving_set_points_is_not_as_planned(how: str):
+    time_s = PERIOD_S * np.arange(300)
+    aim_um = 12.0 - 8.0 * np.cos(2.0 * np.pi * 0.3 * time_s)
+    steps_um = np.where(time_s < 4.0, 10.0, 20.0)
+    aim_um, tip_um = {
+        "saturated": (aim_um, np.minimum(aim_um, 8.0)),
+        "half the gain": (aim_um, 0.5 * aim_um),
+        "beside": (aim_um, aim_um + 5.0),
+        "the first of two": (steps_um, np.where(time_s < 4.0, 3.0, 20.0)),
+    }[how]
+    assert "the set-points were missed by" in _line(_moving(tip_um, tip_um / 0.4, aim_um))
+
+
 def test_a_recording_in_a_loop_is_not_where_it_should_be():
     time_s = PERIOD_S * np.arange(150)
     recorded = 28.0 + 0.3 * np.sin(time_s)

@@ -1,4 +1,4 @@
-"""What a run should have looked like: the tip follows the command, the set-point is reached, a still loop stays still.
+"""What a run should have looked like: the tip follows the command, set-points are reached, a still loop stays still.
 
 The rules of a run end it when something is dangerous. What is judged here is only wrong: a gain with the other sign, a
 recording in the place of the picture, a tip that sticks, a wire that creeps away. Nothing is expected where the command
@@ -6,6 +6,8 @@ has hardly moved, and nothing of the direction where the bench file expects no r
 """
 
 import math
+from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,15 @@ REACHED_SHARE = 0.05
 """Of the step: an error of the last tenth of a run up to which the set-point counts as reached."""
 FOLLOWS = 0.3
 """Share of the tip's variance that the command explains at the least, at the best delay."""
+MISSED_SHARE = 0.5
+"""Of the set-points' own scatter: what a loop misses of moving set-points, at the best delay, beyond which it has not
+followed them."""
+RESTING_UM = 6.0 * NOISE_UM
+"""A tip that stays within this has not moved."""
+CREEP_SHARE = 0.5
+"""Of the stroke: a drift over the whole run beyond which the picture of an open loop creeps away."""
+_TELLS_APART = 0.5
+"""Share of the command that time explains; above it, a drift cannot be told from what the command does."""
 LONGEST_DELAY_S = 0.5
 LOOPS = ("closed_loop", "model_following", "controller_fmu")
 """Modes of a run in which a controller follows set-points."""
@@ -73,14 +84,67 @@ def _against_the_command(time_s: Array, tip_um: Array, command_V: Array, expecte
         return []
     # a run begins at rest at 0 V, and so does a command that acts later: without its rest, a tip that swings back from
     # an overshoot would seem to go against it
-    later_V = (np.concatenate((np.zeros(k), command_V[: len(tip_um) - k])) for k in _delays(time_s))
+    later_V = [np.concatenate((np.zeros(k), command_V[: len(tip_um) - k])) for k in _delays(time_s)]
     shares, slopes = zip(*(_line(acting_V, tip_um) for acting_V in later_V), strict=True)
     best = int(np.argmax(shares))
     if shares[best] < FOLLOWS:
         return [f"the tip does not follow the command (which explains {100.0 * shares[best]:.0f} % of its motion)"]
     if slopes[best] < 0.0:
         return [f"the tip moves against the command ({slopes[best]:.2f} µm/V)"]
+    return _stuck(time_s, tip_um, command_V, expected) or _creeping(time_s, tip_um, later_V[best])
+
+
+def _creeping(time_s: Array, tip_um: Array, acting_V: Array) -> list[str]:
+    """Return whether the tip runs away by itself, without slowing down, beside what the command moves."""
+    times_s = time_s - time_s.mean()
+    if _line(times_s, acting_V)[0] > _TELLS_APART:
+        return []
+    equations = np.column_stack((acting_V, times_s, np.ones_like(times_s)))
+    slope_um_per_V, rate_um_per_s, _ = np.linalg.lstsq(equations, tip_um, rcond=None)[0].tolist()
+    if abs(rate_um_per_s) * float(np.ptp(times_s)) <= CREEP_SHARE * abs(slope_um_per_V) * float(np.ptp(acting_V)):
+        return []
+    halves = (np.array_split(x, 2) for x in (times_s, tip_um - slope_um_per_V * acting_V))
+    first_um, second_um = (_run(*half) for half in zip(*halves, strict=True))
+    if second_um * first_um <= 0.0 or abs(second_um) < _STEADY * abs(first_um):
+        return []
+    return [f"the tip drifts by {rate_um_per_s:+.2f} µm/s whatever the command: the wire or its picture creeps away"]
+
+
+def _stuck(time_s: Array, tip_um: Array, command_V: Array, expected: dict[str, Any]) -> list[str]:
+    """Return whether the tip rested somewhere while the command went so far that it must have moved."""
+    response_um_per_V, slack_V = float(expected["response_um_per_V"]), float(expected["slack_V"])
+    if response_um_per_V * (float(np.ptp(command_V)) - slack_V) <= RESTING_UM:
+        return []
+    for begin, end in _rests(tip_um):
+        # what was commanded at the end of a rest moves the tip after it
+        acting = slice(begin, int(np.searchsorted(time_s, time_s[end - 1] - LONGEST_DELAY_S)))
+        gone_V = float(np.ptp(command_V[acting])) if acting.stop > begin else 0.0
+        if response_um_per_V * (gone_V - slack_V) > RESTING_UM:
+            since_s, until_s = float(time_s[begin]), float(time_s[end - 1])
+            return [
+                f"the tip did not move from {since_s:.1f} to {until_s:.1f} s, while the command went {gone_V:.1f} V"
+            ]
     return []
+
+
+def _rests(tip_um: Array) -> Iterator[tuple[int, int]]:
+    """Yield the longest stretches in which the tip stays within `RESTING_UM`, each that ends later than all before."""
+    lowest, highest = deque[int](), deque[int]()
+    begin = 0
+    for k, place_um in enumerate(tip_um.tolist()):
+        was_resting = begin
+        for extremes, sign in ((lowest, 1.0), (highest, -1.0)):
+            while extremes and sign * tip_um[extremes[-1]] >= sign * place_um:
+                extremes.pop()
+            extremes.append(k)
+        while tip_um[highest[0]] - tip_um[lowest[0]] > RESTING_UM:
+            begin += 1
+            for extremes in (lowest, highest):
+                if extremes[0] < begin:
+                    extremes.popleft()
+        if begin != was_resting:
+            yield was_resting, k
+    yield begin, len(tip_um)
 
 
 def _delays(time_s: Array) -> range:
@@ -101,8 +165,10 @@ def _line(command_V: Array, tip_um: Array) -> tuple[float, float]:
 def _of_a_loop(
     time_s: Array, tip_um: Array, command_V: Array, aim_um: Array, guard: dict[str, Any]
 ) -> list[str] | None:
-    """Return what a set-point that was held to the end says against the run; None where none was held for long."""
+    """Return what the set-points say against the run; None where they say nothing, and none was held to the end."""
     moves = np.flatnonzero(np.diff(aim_um) != 0.0)
+    if len(moves) and (missed := _missed(time_s, tip_um, aim_um)):
+        return missed
     held = slice(int(moves[-1]) + 1 if len(moves) else 0, None)
     time_s, tip_um, command_V, aim_um = time_s[held], tip_um[held], command_V[held], aim_um[held]
     if len(time_s) < _FEWEST_TICKS:
@@ -116,11 +182,20 @@ def _of_a_loop(
     return _drift(time_s, command_V, float(guard.get("maximum_V", 0.0)) - float(guard.get("minimum_V", 0.0)))
 
 
+def _missed(time_s: Array, tip_um: Array, aim_um: Array) -> list[str]:
+    """Return whether a loop has missed set-points that moved; a loop is late by the best delay."""
+    motion_um = float(np.std(aim_um))
+    errors_um = [float(np.sqrt(np.mean((tip_um[k:] - aim_um[: len(aim_um) - k]) ** 2))) for k in _delays(time_s)]
+    if min(errors_um) <= MISSED_SHARE * motion_um + NOISE_UM:
+        return []
+    return [f"the set-points were missed by {min(errors_um):.2f} µm rms, and their own scatter is {motion_um:.2f} µm"]
+
+
 def _drift(time_s: Array, command_V: Array, range_V: float) -> list[str]:
     """Return whether the command of a loop that has settled runs away without slowing down."""
     settled = slice(len(time_s) // 3, None)
     halves = np.array_split(np.arange(len(time_s))[settled], 2)
-    first_V, second_V = (_run_V(time_s[half], command_V[half]) for half in halves)
+    first_V, second_V = (_run(time_s[half], command_V[half]) for half in halves)
     if abs(first_V + second_V) <= _DRIFT_SHARE * range_V or second_V * first_V <= 0.0:
         return []
     if abs(second_V) < _STEADY * abs(first_V):
@@ -129,6 +204,7 @@ def _drift(time_s: Array, command_V: Array, range_V: float) -> list[str]:
     return [f"the command drifts by {rate:+.2f} V/s at a constant set-point: the wire or its picture moves slowly"]
 
 
-def _run_V(time_s: Array, command_V: Array) -> float:
-    slope, _ = np.polyfit(time_s - time_s[0], command_V, 1)
+def _run(time_s: Array, values: Array) -> float:
+    """Return how far a straight line through the values runs."""
+    slope, _ = np.polyfit(time_s - time_s[0], values, 1)
     return float(slope * (time_s[-1] - time_s[0]))
