@@ -88,6 +88,20 @@ def test_the_options_exist(command: Command) -> None:
     command_parser(name, import_module(COMMANDS[name])).parse_args(words)
 
 
+FIGURES = [
+    (page, heading)
+    for page in sorted((ROOT / "docs/reference/figures").glob("*.md"))
+    for heading in re.findall(r"^##? `(bender [^`]+)`$", page.read_text(encoding="utf-8"), re.MULTILINE)
+]
+
+
+@pytest.mark.parametrize(("page", "line"), FIGURES, ids=lambda x: x.stem if isinstance(x, Path) else x[:60])
+def test_the_command_above_a_table_of_figures_exists(page: Path, line: str) -> None:
+    assert page.stem in line
+    name, *words = shlex.split(line)[1:]
+    command_parser(name, import_module(COMMANDS[name])).parse_args(words)
+
+
 def test_what_is_not_run_here_runs_in_another_test() -> None:
     assert all((ROOT / place).exists() for place in NOT_RUN.values())
     left_out = [command for command in ALL if command.line.startswith(tuple(NOT_RUN))]
