@@ -82,7 +82,8 @@ def test_a_watch_that_is_killed_again_and_again_says_what_one_says_that_is_not(t
     last = subprocess.run(command(tmp_path, "killed"), check=False, capture_output=True, timeout=600)
     assert last.returncode == 3, last.stderr
     assert events(tmp_path / "killed") == events(tmp_path / "whole")
-    assert (tmp_path / "killed/watch.json").read_text("utf-8") == (tmp_path / "whole/watch.json").read_text("utf-8")
+    one, other = (json.loads((tmp_path / x / "watch.json").read_text("utf-8")) for x in ("killed", "whole"))
+    assert all(one[x] == other[x] for x in ("rows", "judged", "lost", "alarms", "trends", "baseline"))
     said = [x["event"] for x in events(tmp_path / "whole")]
     assert 1 <= said.count("alarm") <= 2
     assert "trend" in said

@@ -40,11 +40,11 @@ WINDOWS_PER_ROW = PLACES - SHORTEST + (PLACES - 4)
 LEVEL_REFERENCE = 0.5
 LOUD_REFERENCE, QUIET_REFERENCE = 1.3862943611198906, 0.46209812037329684
 """ln R / (1 - 1 / R) for a variance that is doubled, and for a quarter of it."""
-WANDER = 0.4
+WANDER = 0.3
 """Part of itself by which a slope wanders while the drift becomes e times as old, one deviation.
 
-From there on what fades exponentially or by the logarithm of time stays below the thresholds, however well it is seen;
-the smaller it is, the fewer rows of a fade must have been seen for a stop of it to be an alarm.
+From there on what fades over three time constants, or by the logarithm of time, stays below the thresholds; the smaller
+it is, the fewer rows of a fade must have been seen for a stop of it to be an alarm.
 """
 CUSUMS = ("level_up", "level_down", "louder", "quieter")
 
