@@ -1,9 +1,12 @@
 """Whole watches over files: what is said, what is kept, and how one goes on that was killed."""
 
+import contextlib
 import itertools
 import json
 import os
+import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +14,11 @@ import numpy as np
 import pytest
 
 from bender_cli.main import main
+from bender_export.build import ensure_plant_fmu
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 from bender_plant.model import load_model
+from bender_watch.baseline.expectation import OfFmu
 from bender_watch.baseline.learn import learn
 from bender_watch.follow.heading import Naming
 from bender_watch.follow.rows import Rows
@@ -76,6 +81,26 @@ def test_a_record_that_is_none_leaves_nothing_behind(
     assert main([*words, *(["--training", str(device.training)] if is_trained and content else [])]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("rows", [40, 400])
+def test_an_fmu_leaves_no_files_whether_it_was_driven_or_not(
+    rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An alarm ends the process at once, with no end of the interpreter that would remove them."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    path = tmp_path / "record.csv"
+    lines = "".join(f"{0.02 * k:.2f},{10.0 * (k // 25 % 2):g},{k % 7 * 0.01:g}\n" for k in range(rows))
+    path.write_text(f"time_s,voltage_V,displacement_um\n{lines}", encoding="utf-8")
+    settings = replace(HOW, learn_rows=200)
+    session = Session(
+        OfFmu(ensure_plant_fmu("paper")), Source((path,), Naming(), follow=False), settings, tmp_path / "out"
+    )
+    with contextlib.nullcontext() if rows > 200 else pytest.raises(InputError, match="found 40 rows"):
+        session.run()
+    assert list(temporary.iterdir()) == []
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes and devices of POSIX")

@@ -94,6 +94,8 @@ class Session:
         check_directory(self.out)
         with contextlib.ExitStack() as ends:
             self._ends = ends
+            if isinstance(self.model, OfFmu):
+                ends.callback(self.model.close)
             if self.out.is_dir():
                 self._lock()
             return self._watched()

@@ -180,3 +180,7 @@ class OfFmu:
 
     def restore(self, state: Any) -> None:
         """Do nothing."""
+
+    def close(self) -> None:
+        """Free the FMU and remove its unpacked files; nothing is expected after that."""
+        self._plant.close()
