@@ -18,7 +18,7 @@ from numba.core.caching import IndexDataCacheFile
 from numpy.typing import NDArray
 
 from bender_compiled import background_compilation, kernels, stored_code
-from bender_compiled.background_compilation import compile_in_background
+from bender_compiled.background_compilation import compile_blocks, compile_in_background
 from bender_compiled.kernels import block_run, uncut_run
 from bender_compiled.parallel_map import THREADS
 from bender_compiled.simulation import Drive, Simulator, constants_of, initial_of
@@ -186,6 +186,15 @@ def test_what_cannot_be_written_is_compiled_all_the_same(
 
 
 LAGGED = PAPER.with_block("sensor_lag", time_constant_s=0.01)
+
+
+def test_what_the_first_model_lacks_is_compiled_from_the_last_one_on() -> None:
+    limited, heavier = (
+        PAPER.with_block(name, **values)
+        for name, values in (("slew_limit", {"slew_rate_V_per_s": 100.0}), ("tip_mass", {"frequency_ratio": 0.9}))
+    )
+    assert compile_blocks([PAPER, LAGGED, heavier, limited, LAGGED]) == ["sensor_lag", "slew_limit"]
+    assert compile_blocks([LAGGED, LAGGED]) == []
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Records of other rigs: any unit that people write, the same numbers from any of them."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_loop.errors import InputError
-from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, diagnosed
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import in_units_of, read_record
 from bender_loop.tables.quantities import Quantities, compact, factor, is_known
@@ -141,19 +139,3 @@ def test_an_fmu_without_units_is_in_what_people_stated(tmp_path: Path) -> None:
     with FmuPlant(fmu, quantities=Quantities("mbar", "um/s", ("bar", "mm/s"))) as plant:
         # one bar gives half a millimetre per second
         assert plant.step(1000.0, 10.0) == pytest.approx(500.0, rel=1e-9)
-
-
-TOLD = {"model": "model.toml", "fmu": "model.fmu", "unit": "K", "input_unit": "W", "gap": {"after": {"rms": 0.3}}}
-
-
-@pytest.mark.parametrize("name", ["model.toml", "model.fmu"])
-def test_the_model_of_a_diagnosis_has_its_units_and_what_it_misses(tmp_path: Path, name: str):
-    (tmp_path / "diagnosis.json").write_text(json.dumps(TOLD))
-    assert diagnosed(tmp_path / name) == Diagnosed(0.3, ("W", "K"))
-
-
-@pytest.mark.parametrize("text", [json.dumps(TOLD), json.dumps(TOLD | {"gap": None}), "[]", "{", ""])
-def test_another_model_and_what_is_no_diagnosis_say_nothing(tmp_path: Path, text: str):
-    (tmp_path / "diagnosis.json").write_text(text)
-    assert diagnosed(tmp_path / ("other.toml" if "0.3" in text else "model.toml")) == NOTHING
-    assert diagnosed("paper") == diagnosed(None) == NOTHING

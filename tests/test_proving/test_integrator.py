@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from bender_proving.systems.linear import LinearSystem, drawn_system
+from bender_proving.systems.played import ROW_S, played_system
 
 
 ZETA = 0.02
@@ -338,3 +339,10 @@ def test_draws_have_their_order_and_unit_shares(order: int):
         A, B, C = system.matrices()
         assert -C @ np.linalg.solve(A, B) == pytest.approx(system.gain)
         assert np.linalg.eigvals(A).real.max() < 0.0
+
+
+def test_the_same_seed_plays_the_same():
+    a, b = played_system(3, 7), played_system(3, 7)
+    assert np.array_equal(a.reading_um[0], b.reading_um[0])
+    assert not np.array_equal(a.voltage_V[0], a.voltage_V[1])
+    assert a.time_s[1] - a.time_s[0] == pytest.approx(ROW_S)

@@ -36,3 +36,9 @@ def test_a_lag_that_is_off_is_that_lag_and_shows(seed: int) -> None:
     (value,) = case.off.values()
     assert _left_um(case.reading_um, _plain_um(case, value)) == pytest.approx(NOISE_UM, rel=0.1)
     assert _left_um(case.reading_um, _plain_um(case, 0.2)) > 3.0 * NOISE_UM
+
+
+def test_the_same_number_and_seed_give_the_same_case() -> None:
+    first, again, other = suspected_case(7, 5), suspected_case(7, 5), suspected_case(7, 6)
+    assert np.array_equal(first.reading_um, again.reading_um)
+    assert not np.array_equal(first.reading_um, other.reading_um)
