@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.errors import InputError
+from bender_loop.shell.run import doing
 
 if TYPE_CHECKING:
     from bender_hil.bench_file import BenchFile
@@ -128,6 +129,7 @@ def _gains(arguments: argparse.Namespace, bench: "BenchFile") -> "Gains":
 
 
 def _say(sentence: str) -> None:
+    doing(sentence)
     sys.stdout.write(f"{sentence}\n")
     sys.stdout.flush()
 

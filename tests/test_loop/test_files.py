@@ -23,7 +23,7 @@ from bender_loop.shell.files import (
     write_result,
 )
 from bender_loop.shell.progress import LARGE_BYTES, Progress, heartbeat, print_table
-from bender_loop.shell.run import Run, running
+from bender_loop.shell.run import Run, doing, running
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])
@@ -287,3 +287,10 @@ def test_what_is_missing_is_refused_with_the_command_that_brings_it():
     require("json", "live", "this")
     with pytest.raises(InputError, match=r"this needs no_such_module.*python -m pip install .*pyarrow"):
         require("no_such_module", "formats", "this")
+
+
+def test_work_that_is_named_is_what_a_silence_is_filled_with():
+    with running(Run("bender bench check")) as run, heartbeat("bender bench"):
+        doing("dry run at 0 V")
+        assert run.doing == "dry run at 0 V"
+    doing("nothing runs, and nothing is said")

@@ -228,6 +228,14 @@ def test_the_table_of_a_diagnosis_leaves_nothing_out(found: pb.Diagnosis):
 
 
 @pytest.mark.slow
+def test_an_effect_says_what_the_file_says_of_it(found: pb.Diagnosis):
+    for effect, told in zip(found.effects, found.to_dict()["effects"], strict=True):
+        assert (effect.id, effect.stage) == (told["id"], told["stage"])
+        assert (round(effect.share_of_gap, 4), effect.grade) == (told["share_of_gap"], told["grade"])
+        assert round(effect.probability, 3) == told["probability"]
+
+
+@pytest.mark.slow
 def test_a_diagnosis_draws_and_tells_itself(found: pb.Diagnosis):
     drawn = axes()
     assert found.plot(drawn) is drawn

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from bender_discrepancy.conclusion.contenders import Contender, alternatives
+from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.localise import residual_ranges
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
@@ -141,17 +141,17 @@ def _renamed(value: Any, without_um: bool, key: str = "") -> Any:
 def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     x = effect.contender
-    shared = x or findings.lattice
     entry: dict[str, Any] = {
         "id": effect.id,
         "title": heading_of(effect.id),
         "stage": about.stage,
         "certain": effect in findings.certain,
-        **_sureness(x),
+        "grade": effect.grade,
+        "probability": round(effect.probability, 3),
         "belongs_to": "record" if about.of_the_record else "device",
         "parameters": {number.name: _parameter(number) for number in effect.numbers},
         "evidence": evidence(findings, effect),
-        "share_of_gap": round(shared.share_of_gap if shared else 0.0, 4),
+        "share_of_gap": round(effect.share_of_gap, 4),
         "rivals": [{"id": r.id, "delta_bic": _finite(round(r.difference, 2))} for r in (x.rivals if x else ())],
     }
     if x is not None:
@@ -206,13 +206,6 @@ def _equation(findings: Findings, measured: Measured) -> list[dict[str, Any]]:
             "rivals": [],
         }
     ]
-
-
-def _sureness(contender: Contender | None) -> dict[str, Any]:
-    """Return grade and probability; what is read off the record itself is certain."""
-    if contender is None:
-        return {"grade": "certain", "probability": 1.0}
-    return {"grade": contender.grade, "probability": round(contender.probability, 3)}
 
 
 def _parameter(number: Number) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from bender_discrepancy.fitting.profile import Ends, interval_ends
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.records.observations import have_same_zero
+from bender_discrepancy.search.judgement.grades import Grade
 from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
@@ -41,6 +42,7 @@ class ReportedEffect:
         numbers: of its block.
         contender: where it stands in the search; None for what was read off the record itself.
         by_record: its numbers in every record, where they differ; () otherwise. `numbers` are those of one of them.
+        read_off_share: part of the gap that it is, where it was read off the record itself.
     """
 
     id: str
@@ -48,6 +50,27 @@ class ReportedEffect:
     numbers: tuple[Number, ...]
     contender: Contender | None = field(repr=False)
     by_record: tuple[tuple[Number, ...], ...] = ()
+    read_off_share: float = 0.0
+
+    @property
+    def share_of_gap(self) -> float:
+        """Part of the recalibrated residual's variance above the noise floor that it closes."""
+        return self.read_off_share if self.contender is None else self.contender.share_of_gap
+
+    @property
+    def grade(self) -> Grade:
+        """How sure it is: certain, likely or possible; what is read off the record itself is certain."""
+        return "certain" if self.contender is None else self.contender.grade
+
+    @property
+    def probability(self) -> float:
+        """That it is there: of what is told with p, a part p is right."""
+        return 1.0 if self.contender is None else self.contender.probability
+
+    @property
+    def stage(self) -> str:
+        """Where in the chain it acts."""
+        return EFFECTS[self.id].stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +263,7 @@ def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
     if found is None or not found.is_named:
         return None
     step = number(EFFECTS[READ_OFF], "step_um", found.step_um, 0.0, span, is_scale=True)
-    return ReportedEffect(READ_OFF, None, (step,), None)
+    return ReportedEffect(READ_OFF, None, (step,), None, read_off_share=found.share_of_gap)
 
 
 def _final(searched: Verdict, quantised: bool) -> Verdict:

@@ -21,6 +21,7 @@ from bender_hil.runner.steadiness import UnsteadyError
 from bender_hil.runner.voltages import Voltages
 from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.run import doing
 
 REST_S, STEP_S, AFTER_S = 2.0, 1.5, 1.0
 FIRST_SHARE, LARGEST_SHARE = 0.02, 0.2
@@ -44,6 +45,7 @@ Fmu = Callable[[str], Path]
 
 def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding], RunLog | None]:
     """Run at 0 V; returns what was found, and the log where there was a run."""
+    doing("dry run at 0 V")
     try:
         result = _run(bench, Voltages((0.0,), (0.0,), REST_S), out, fmu)
     except NoSensorError as error:
@@ -68,6 +70,7 @@ def check_answer(bench: BenchFile, out: Path, fmu: Fmu, noise_um: float) -> list
     highest_V = bench.guard.maximum_V
     step_V, number = FIRST_SHARE * highest_V, 1
     while True:
+        doing(f"dry run at {step_V:.3g} V")
         levels = Voltages((0.0, AFTER_S, AFTER_S + STEP_S), (0.0, step_V, 0.0), 2.0 * AFTER_S + STEP_S)
         try:
             result = _run(bench, levels, out / f"step-{number}", fmu)

@@ -186,6 +186,14 @@ def say_held() -> None:
             _write(f"bender: {sentence}")
 
 
+def doing(what: str) -> None:
+    """Name the work that goes on, for the line that comes after a while of silence and for the log."""
+    run = current()
+    if run is not None:
+        run.doing = what
+        run.note(what)
+
+
 def step(line: str) -> None:
     """Write the heading of a step to the standard error, unless the run is quiet; it stands in the log all the same."""
     _say(line, line)
