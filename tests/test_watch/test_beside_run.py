@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bender_cli.main import main
 from bender_hil.live.page import Shown, charts, facts
 from bender_hil.log.read_run import GUARD, RUN
 from bender_loop.records.record import read_record
@@ -65,10 +66,28 @@ def test_rows_become_extremes_of_tenths_of_a_second(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_said_once(tmp_path: Path) -> None:
     told: list[str] = []
     beside = BesideRun(tmp_path / "gone", told.append)
+    beside.begin()
     for _ in range(3):
-        beside.begin()
+        beside.see(np.zeros(1), np.zeros(1), np.zeros(1))
     assert len(told) == 1
     assert "the live page shows no watch" in told[0]
+
+
+def test_a_watch_that_is_refused_leaves_nothing_in_the_run_and_one_that_judges_begins_anew(
+    device: Any, tmp_path: Path
+) -> None:
+    written_run(tmp_path / "run", device.recorded(4, 1.05))
+    words = ["watch", "beam", str(tmp_path / "run"), "--replay", "--no-diagnosis", "--out", str(tmp_path / "out")]
+    before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    assert main([*words, "--learn", "1000000"]) == 2
+    assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+    beside = BesideRun(tmp_path)
+    beside.begin()
+    assert not (tmp_path / "watch.jsonl").exists()
+    for _ in range(2):
+        beside.see(np.zeros(1), np.zeros(1), np.zeros(1))
+    kinds = [json.loads(x)["kind"] for x in (tmp_path / "watch.jsonl").read_text().splitlines()]
+    assert kinds == ["begin", "lane", "lane"]
 
 
 def test_a_run_is_known_to_begin_at_rest_by_its_first_reading(device: Any, tmp_path: Path) -> None:

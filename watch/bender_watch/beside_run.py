@@ -32,10 +32,14 @@ class BesideRun:
     folder: Path
     tell: Callable[[str], None] = lambda _: None
     _is_refused: bool = False
+    _begins: bool = False
 
     def begin(self) -> None:
-        """Begin anew: what an earlier watch said of the run does not count any more."""
-        self._write({"kind": "begin"})
+        """Begin anew with what is written next: what an earlier watch said of the run does not count any more then.
+
+        A watch that is refused before it has judged a row leaves nothing behind.
+        """
+        self._begins = True
 
     def see(self, time_s: Array, innovations: Array, tops: Array) -> None:
         """Add rows (n,) as extremes of tenths of a second."""
@@ -58,9 +62,11 @@ class BesideRun:
     def _write(self, entry: dict[str, Any]) -> None:
         if self._is_refused:
             return
+        entries = [{"kind": "begin"}, entry] if self._begins else [entry]
         try:
             with (self.folder / WATCH).open("a", encoding="utf-8") as file:
-                file.write(json.dumps(entry) + "\n")
+                file.write("".join(f"{json.dumps(x)}\n" for x in entries))
+            self._begins = False
         except OSError as error:
             self._is_refused = True
             self.tell(f"{self.folder / WATCH}: cannot be written ({error.strerror}); the live page shows no watch")
