@@ -413,3 +413,16 @@ def test_a_supply_of_another_maker_that_a_package_adds_answers_by_its_model():
     other = ScriptedLink([("*IDN?", "ACME,PSU-8,42,1.0")])
     with pytest.raises(WrongInstrumentError, match=r"ACME PSU-8 answers there, expected PSU-7; .*add-your-own"):
         Supply(other, added).open()
+
+
+@pytest.mark.parametrize(("left", "is_emptied"), [(0, True), (31, True), (32, False)])
+def test_a_queue_is_emptied_of_what_was_in_it_and_one_without_an_end_is_a_fault(left: int, is_emptied: bool):
+    before = [("SYST:ERR?", '-113,"Undefined header"')] * left
+    supply, link = _supply([IDN_9115, *ARM_9115[:2], *before, *(ARM_9115[2:] if is_emptied else [])])
+    supply.open()
+    if is_emptied:
+        supply.arm(BOUNDS)
+    else:
+        with pytest.raises(ComplaintError, match="does not become empty: SYST:ERR. asked 32 times"):
+            supply.arm(BOUNDS)
+    link.finish()
