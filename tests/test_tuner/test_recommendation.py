@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from bender_loop.control.pid import Gains
 from bender_loop.fmu.diagnosed import LEAST_GAIN_ERROR_PERCENT, Diagnosed, Known
 from bender_native.ready import ready_plant_fmu
 from bender_plant.model import load_model
 from bender_tuner.results.summary import recommendation_rows
 from bender_tuner.results.tuning_file import tuning_document
-from bender_tuner.task.recommendation import METHOD, device_of
+from bender_tuner.task.following import Following
+from bender_tuner.task.practitioner import PractitionerObjective, PractitionerReport
+from bender_tuner.task.problem import silent
+from bender_tuner.task.recommendation import METHOD, RUNS_AWAY, device_of, recommend
 from bender_tuner.task.session import Session, open_guarded, pose_problem_in_units, run_session
 from bender_tuner.task.settings import GAIN_ERROR_PERCENT, LATE_FRAMES, make_settings
 
@@ -92,6 +97,28 @@ def test_a_refusal_says_by_what_it_was_judged(unknown: tuple[Session, dict]):
     assert re.search(
         r"not recommended.*nearer to the set-point.*30 % \(--gain-error\).*--late-frames", unknown[1]["sentence"]
     )
+
+
+def test_what_runs_away_where_the_gains_hold_is_refused_whatever_a_diagnosis_says(known: tuple[Session, dict]):
+    chosen = known[0].following
+    assert chosen is not None
+    fmu = chosen.fmu
+    with open_guarded(fmu) as (plant, facts):
+        problem = pose_problem_in_units(plant, make_settings(**ONE_CLOCK), facts)
+        wild = replace(problem, practitioner=_RunsAway(problem.practitioner))  # pyright: ignore[reportArgumentType]
+        found = recommend(wild, known[0].contenders[:1], chosen.model, fmu, NEAR, silent)
+    assert found is not None
+    assert (found.following, found.sentence) == (None, RUNS_AWAY)
+
+
+class _RunsAway:
+    """An objective on devices on which everything that follows a model runs away."""
+
+    def __init__(self, judge: PractitionerObjective) -> None:
+        self.judge, self.priorities = judge, judge.priorities
+
+    def evaluate(self, gains: Gains, following: Following | None = None) -> PractitionerReport:
+        return replace(self.judge.evaluate(gains), value=math.inf if following else 1.0)
 
 
 def test_what_is_not_asked_for_is_null(unknown: tuple[Session, dict]):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bender_loop.control.pid import Gains
-from bender_loop.errors import InputError, RunError
+from bender_loop.errors import RunError
 from bender_loop.fmu.diagnosed import Known
 from bender_loop.fmu.followed_model import FollowedModel
 from bender_tuner.task.contenders import Contender
@@ -24,6 +24,8 @@ from bender_tuner.task.problem import Report, TuningProblem, as_known
 from bender_tuner.task.settings import GAIN_ERROR_PERCENT, LATE_FRAMES, TuneSettings
 
 METHOD, LABEL = "model_following", "model following"
+_REFUSAL = "model following is not recommended: "
+RUNS_AWAY = _REFUSAL + "it runs away on a device that is off by as much as the gains hold for"
 
 
 class Device(NamedTuple):
@@ -95,7 +97,9 @@ def recommend(
         return None
     settings = problem.settings
     device = device_of(settings, known)
-    judge = _judge(problem, device) if device.by_diagnosis else problem.practitioner
+    judge = problem.practitioner
+    if device.by_diagnosis:
+        judge = as_known(problem, device.gain_error_percent, device.late_frames)
     alone = judge.evaluate(gains)
     tried: list[Scored] = []
     best: Scored | None = None
@@ -106,8 +110,7 @@ def recommend(
         best = choose(tried, alone.value)
         if best is not None:
             break
-    if best is not None and not math.isfinite(problem.practitioner.evaluate(gains, best.following).value):
-        best = None
+    holds = best is None or math.isfinite(problem.practitioner.evaluate(gains, best.following).value)
     shown = best or min(tried, key=lambda x: (not x.bounds_kept, x.value))
     scores = [
         Score(contenders[0].method, contenders[0].label, alone),
@@ -115,8 +118,8 @@ def recommend(
         *_of_rules(judge, contenders),
     ]
     return Recommendation(
-        following=None if best is None else best.following,
-        sentence=_why(scores[0], scores[1], bool(best), device),
+        following=best.following if best is not None and holds else None,
+        sentence=_why(scores[0], scores[1], best is not None, device) if holds else RUNS_AWAY,
         device=device,
         scores=tuple(scores),
         tried=tuple(tried),
@@ -131,13 +134,6 @@ def device_of(settings: TuneSettings, known: Known | None) -> Device:
         return usual
     frames = min(LATE_FRAMES, math.floor(known.delay_error_s * settings.rate_Hz + 0.5))
     return Device(known.gain_error_percent if percent is None else percent, frames if late is None else late, True)
-
-
-def _judge(problem: TuningProblem, device: Device) -> PractitionerObjective:
-    try:
-        return as_known(problem, device.gain_error_percent, device.late_frames)
-    except InputError:
-        return problem.practitioner
 
 
 def _scored(judge: PractitionerObjective, gains: Gains, following: Following) -> Scored:
@@ -163,13 +159,12 @@ def _why(alone: Score, followed: Score, recommended: bool, device: Device) -> st
     judged = _judged(device)
     if recommended:
         return f"model following: {values}, with the same gains{judged and '; '}{judged}"
-    refusal = "model following is not recommended: "
     if not followed.report.bounds_kept:
-        return refusal + "no shaper and horizon keeps the bounds"
+        return _REFUSAL + "no shaper and horizon keeps the bounds"
     if followed.rms_um >= alone.rms_um or not judged:
-        return refusal + values
+        return _REFUSAL + values
     return (
-        f"{refusal}{values}; on the model itself it is nearer to the set-point, {followed.rms_um:.4g} against "
+        f"{_REFUSAL}{values}; on the model itself it is nearer to the set-point, {followed.rms_um:.4g} against "
         f"{alone.rms_um:.4g} µm rms. It is {judged}: say so where the device is known better"
     )
 
