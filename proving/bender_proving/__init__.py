@@ -1,7 +1,7 @@
 """Benches with something hidden in them: records on which methods of diagnosis are judged.
 
 Equations, integrator and forms of the effects are this room's own; it shares no code with the catalogue that is judged
-by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps the truth away from the records.
+by it. `cases` says what there is, `Bench` plays and records.
 
 | module | holds |
 |---|---|
@@ -10,7 +10,7 @@ by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps
 | `machines/` | machines of other fields with numbers drawn at random, two records each |
 | `devices/` | devices drawn at random and records of them, as a person might record them |
 | `fleet` | records of many units of one design, with a bad batch, a drift and broken files |
-| `cases/` | cases: what is hidden in which bench, drawn, selected and written to files |
+| `cases/` | cases: what is hidden in which bench, drawn and selected |
 | `gallery/` | published rigs of other fields, simulated from their published equations |
 | `physics/` | the physics of the hidden benches, from command to reading, by an integrator of its own |
 | `records/` | what is played to a hidden bench and read from it |
@@ -24,7 +24,6 @@ from bender_proving.cases.effects import INSIDE, OUTSIDE
 from bender_proving.records.excitation import Excitation
 from bender_proving.cases.hidden import NOISE_UM, Effect, Hidden
 from bender_proving.cases.selections import SELECTIONS, cases
-from bender_proving.cases.writing import truth, write_case
 
 __all__ = [
     "INSIDE",
@@ -42,6 +41,4 @@ __all__ = [
     "make_case",
     "spoiled",
     "strength",
-    "truth",
-    "write_case",
 ]

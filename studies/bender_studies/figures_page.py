@@ -18,12 +18,6 @@ def write_figures(run: Run, name: str, folder: Path) -> Path:
         run: the run that has printed them.
         name: of the benchmark.
         folder: of the pages.
-
-    Returns:
-        The page.
-
-    Raises:
-        InputError: the page cannot be written.
     """
     path = prepare_directory(folder) / f"{name}.md"
     sections = _sections(path.read_text(encoding="utf-8")) if path.is_file() else {}

@@ -41,9 +41,12 @@ def silence() -> None:
 
 
 @contextmanager
-def workers(jobs: int | None) -> Iterator[ProcessPoolExecutor]:
+def workers(
+    jobs: int | None, prepare: Callable[..., object] = silence, prepared: tuple[Any, ...] = ()
+) -> Iterator[ProcessPoolExecutor]:
     """Processes of one thread each, one per processor unless told; what waits is dropped when they are left early."""
-    pool = ProcessPoolExecutor(jobs or os.cpu_count() or 1, mp_context=get_context("spawn"), initializer=silence)
+    count, context = jobs or os.cpu_count() or 1, get_context("spawn")
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=prepare, initargs=prepared)
     try:
         yield pool
     except BrokenProcessPool as error:

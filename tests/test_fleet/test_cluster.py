@@ -1,5 +1,6 @@
 """Real workers in processes of their own: deaths of a worker and of the client, a scheduler that runs, TLS."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -17,11 +18,11 @@ import pytest
 pytest.importorskip("distributed")
 pq = pytest.importorskip("pyarrow.parquet")
 
+from fleet_stand_in import SLEEP_S, Sleeping, cluster_of_processes, task, units  # noqa: E402
+
 from bender_fleet.cluster.settings import ClusterSettings  # noqa: E402
 from bender_fleet.run import Count, How, run_fleet  # noqa: E402
 from bender_loop.errors import InputError  # noqa: E402
-from bender_studies.fleet.scheduling import cluster_of_processes  # noqa: E402
-from bender_studies.fleet.stand_in import Sleeping, task, units  # noqa: E402
 
 pytestmark = [
     pytest.mark.timeout(240),
@@ -29,16 +30,17 @@ pytestmark = [
     pytest.mark.filterwarnings("default"),
 ]
 UNITS = 24
-CLIENT = """
+CLIENT = f"""
 import sys
+sys.path.insert(0, {str(Path(__file__).parents[1])!r})
 from pathlib import Path
 from bender_fleet.cluster.settings import ClusterSettings
 from bender_fleet.run import How, run_fleet
-from bender_studies.fleet.stand_in import Sleeping, task, units
+from fleet_stand_in import Sleeping, task, units
 if __name__ == "__main__":
     out, log = sys.argv[1:]
     work = task(Sleeping(0.3, log=log))
-    count = run_fleet("diagnose", units(24), lambda _: work, How(ClusterSettings(workers=1), Path(out)), {}, print)
+    count = run_fleet("diagnose", units(24), lambda _: work, How(ClusterSettings(workers=1), Path(out)), {{}}, print)
     sys.exit(130 if count.interrupted else 0)
 """
 
@@ -204,3 +206,22 @@ def test_a_scheduler_behind_tls_takes_those_with_its_certificate_only(tmp_path: 
         with pytest.raises(InputError, match="no scheduler answers"):
             _run(tmp_path / "other", Sleeping(0.0), plain)
     assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.trial
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("place", ["local", "processes"])
+def test_scheduling_of_thousands_costs_little_beside_their_sleep(place: str, tmp_path: Path) -> None:
+    from bender_fleet.page.page import write_page
+
+    workers, asleep = 2, task(Sleeping())
+    local = contextlib.nullcontext(ClusterSettings(workers=workers))
+    with local if place == "local" else cluster_of_processes(workers, tmp_path / "processes") as cluster:
+        count = run_fleet(
+            "diagnose", units(10_000), lambda _: asleep, How(cluster, tmp_path / "out"), {}, lambda _: None
+        )
+    began = time.perf_counter()
+    page = write_page(tmp_path / "out", "diagnose")
+    assert time.perf_counter() - began < 5.0
+    assert page.stat().st_size < 15e6
+    assert count.seconds / count.new - SLEEP_S / workers < 5e-3

@@ -10,6 +10,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
+from fleet_stand_in import Sleeping, task
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,7 +28,6 @@ from bender_fleet.work.job import Job, run_job
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 from bender_proving.fleet import BAD_BATCH, BAD_EFFECT, FleetSettings, draw_unit, write_fleet
-from bender_studies.fleet.stand_in import Sleeping, task
 
 pytest.importorskip("distributed")
 pq = pytest.importorskip("pyarrow.parquet")

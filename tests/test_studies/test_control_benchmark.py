@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,19 +52,13 @@ def test_only_what_was_asked_the_same_and_did_not_fail_is_kept(
     (tmp_path / "control.json").write_text(json.dumps(finite(content)))
     begun: list[str] = []
 
-    class Pool:
-        def __init__(self, *_: object, **__: object) -> None: ...
-
-        def __enter__(self) -> "Pool":
-            return self
-
-        def __exit__(self, *_: object) -> None: ...
-
-        def submit(self, _: object, bench: object, *__: object) -> object:
-            begun.append(str(bench))
+    def interrupted(_: object, tasks: list[tuple[object, ...]], *__: object, **___: object) -> Iterator[object]:
+        for task in tasks:
+            begun.append(str(task[0]))
             raise KeyboardInterrupt
+        yield from ()
 
-    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", Pool)
+    monkeypatch.setattr("bender_studies.runner.in_processes", interrupted)
     words = ["benchmark", "control", "--benches", "1", "--first-seed", "5", "--jobs", "1", "--out", str(tmp_path)]
     assert main([*words, "--quiet"]) == (130 if tried else 0)
     assert len(begun) == tried

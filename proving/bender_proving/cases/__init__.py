@@ -14,5 +14,4 @@
 | `selections` | the catalogue of cases: what a method of diagnosis is judged on |
 | `weak` | confusable effects under an excitation that cannot distinguish them |
 | `witnessed` | benches whose weak records leave effects confused, with instruments that can distinguish them |
-| `writing` | cases as files: records for the code that is judged, the truth in another place for the judge |
 """

@@ -69,9 +69,6 @@ def measure_cadence(
         fmu: its plant.
         out: where the run goes.
         realtime: whether the run has priority over what else the machine does.
-
-    Raises:
-        InputError, RunError: the run could not begin.
     """
     emulator = replace(emulation, fmu=str(fmu.resolve()))
     camera, controller = CameraTable(frames_per_s=frames_per_s), ControllerTable(realtime=realtime)

@@ -56,9 +56,6 @@ def measure_kilohertz(program: Program, fmu: Path, out: Path, *, realtime: bool 
         fmu: the plant.
         out: where the run goes.
         realtime: whether the run has priority over what else the machine does.
-
-    Raises:
-        InputError, RunError: the run could not begin.
     """
     load = os.getloadavg()[0]
     emulator = EmulationSettings(

@@ -45,11 +45,7 @@ class Reaction:
 
 
 def measure_reactions(event: str, repeats: int, emulation: EmulationSettings, fmu: Path) -> list[Reaction]:
-    """Trials of one event, each with a run of its own.
-
-    Raises:
-        RunError: a run does not get to its level, or the output does not go off.
-    """
+    """Trials of one event, each with a run of its own."""
     with EmulatedBench(emulation, fmu, 30.0) as bench:
         return [_trial(event, bench, emulation) for _ in range(repeats)]
 

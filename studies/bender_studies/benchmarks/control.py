@@ -46,17 +46,14 @@ def run(arguments: argparse.Namespace) -> int:
     there.
     """
     import json
-    import os
-    from concurrent.futures import ProcessPoolExecutor, as_completed
     from itertools import islice
-    from multiprocessing import get_context
 
     from bender_loop.shell.files import finite, prepare_directory, write_atomically
-    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import version
     from bender_studies.control import figures
     from bender_studies.control.trial import Trial, try_bench
-    from bender_studies.hidden_effects.trial import silence
+    from bender_studies.runner import collected, in_processes
 
     if arguments.learn:
         return _learn(arguments)
@@ -65,28 +62,18 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_directory(arguments.out)
     path, asked = arguments.out / "control.json", _asked(arguments)
     kept = {x.id: x for x in _kept(path, asked)}
-    found = [kept[x.id] for x in benches if x.id in kept]
-    status = 0
-    jobs = arguments.jobs or os.cpu_count() or 1
+
+    def keep(found: "list[Tried]") -> None:
+        content = {"asked": asked, "benches": [x.to_dict() for x in (kept | {x.id: x for x in found}).values()]}
+        write_atomically(path, json.dumps(finite(content), indent=1, allow_nan=False) + "\n")
+
     place = arguments.out / f"benches of {version()}"
-    with (
-        Progress("benches in a loop") as bar,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool,
-    ):
-        waiting = [pool.submit(try_bench, x, place / x.id, trial) for x in benches if x.id not in kept]
-        try:
-            for future in as_completed(waiting):
-                found.append(future.result())
-                bar.update(len(found), len(benches), " + ".join(found[-1].truth))
-                kept[found[-1].id] = found[-1]
-                content = {"asked": asked, "benches": [x.to_dict() for x in kept.values()]}
-                write_atomically(path, json.dumps(finite(content), indent=1, allow_nan=False) + "\n")
-        except KeyboardInterrupt:
-            status = 130
-            for future in waiting:
-                future.cancel()
+    tasks = [(x, place / x.id, trial) for x in benches if x.id not in kept]
+    tried = in_processes(try_bench, tasks, arguments.jobs, in_order=False)
+    new, status = collected(tried, "benches in a loop", lambda x: " + ".join(x.truth), len(tasks), keep)
+    known = kept | {x.id: x for x in new}
+    found = [known[x.id] for x in benches if x.id in known]
     if found:
-        found.sort(key=lambda x: [bench.id for bench in benches].index(x.id))
         print_table("Hidden benches in a loop", figures.COLUMNS, figures.rows(found))
         print_table("What was asked, over all of them", figures.CLAIMS, figures.claims(found))
         sys.stdout.writelines(f"{x.id}: {x.error}\n" for x in found if x.error)
@@ -121,29 +108,21 @@ def _learn(arguments: argparse.Namespace) -> int:
     """Learn a scan of 1 Hz over hysteresis, creep and both, the nominal model followed."""
     from itertools import islice
 
-    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.progress import print_table
     from bender_studies.control import figures, learned
-    from bender_studies.hidden_effects.trial import silence
+    from bender_studies.runner import collected, silence
 
     silence()
-    found = []
-    with Progress("benches that learn") as bar:
-        for x in learned.learn_on(
-            islice(learned.cases(arguments.first_seed), arguments.learn), learned.PASSES, arguments.evaluations
-        ):
-            found.append(x)
-            bar.update(len(found), 2 * arguments.learn, " + ".join(x.truth))
+    benches = islice(learned.cases(arguments.first_seed), arguments.learn)
+    learnt = learned.learn_on(benches, learned.PASSES, arguments.evaluations)
+    found, status = collected(learnt, "benches that learn", lambda x: " + ".join(x.truth), 2 * arguments.learn)
     print_table("A scan of 1 Hz, learned", learned.COLUMNS, learned.rows(found))
     print_table("What was asked of learning", figures.CLAIMS, [list(x) for x in learned.claims(found)])
-    return 0
+    return status
 
 
 def hidden_benches(wanted: Sequence[str], first_seed: int) -> "Iterator[Case]":
-    """Every effect by itself on the camera, a pair of them of two stages behind each, seed after seed.
-
-    Raises:
-        InputError: an effect is not one that can be hidden.
-    """
+    """Every effect by itself on the camera, a pair of them of two stages behind each, seed after seed."""
     from itertools import combinations, count
 
     from bender_discrepancy.effects.catalogue import EFFECTS as CATALOGUE

@@ -140,12 +140,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table, write devices.json and the diagnosis of every device.
-
-    Raises:
-        InputError: a device is none of these, or its record is not there.
-        RunError: a diagnosis failed.
-    """
+    """Print the table, write devices.json and the diagnosis of every device."""
     from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory
     from bender_loop.shell.progress import print_table

@@ -57,12 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the tables with their targets, write diagnose.json; an interrupt keeps what was measured.
-
-    Raises:
-        InputError: a number or a part is none, or the directory cannot be written.
-        RunError: a diagnosis failed.
-    """
+    """Print the tables with their targets, write diagnose.json; an interrupt keeps what was measured."""
     from tempfile import TemporaryDirectory
 
     from bender_loop.shell.files import prepare_directory

@@ -92,11 +92,7 @@ def write_beginning(path: Path, of: Path, rows: int) -> Path:
 
 
 def timed(record: Path, cache: Path) -> Run:
-    """Diagnose a record in a fresh process that keeps its compiled code in a directory.
-
-    Raises:
-        RunError: the command failed.
-    """
+    """Diagnose a record in a fresh process that keeps its compiled code in a directory."""
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-P", "-m", __name__, "diagnose", str(record), "--out", folder + "/out"]
         begin, worked = time.perf_counter(), _children_s()

@@ -74,32 +74,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Judge, print the tables, write discrepancy.json; an interrupt keeps what was judged."""
-    import os
     import tempfile
 
     from bender_loop.shell.files import prepare_directory
-    from bender_loop.shell.progress import Progress
     from bender_studies.hidden_effects.session import judge_cases
+    from bender_studies.runner import collected
 
     kinds = _checked(arguments)
     prepare_directory(arguments.out)
-    if arguments.suspects:
-        return _suspects(arguments)
-    if arguments.intervals:
-        return _intervals(arguments)
-    if arguments.witnesses:
-        return _witnesses(arguments)
-    found: list[Judged] = []
-    status = 0
-    with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
-        try:
-            jobs = arguments.jobs or os.cpu_count() or 1
-            nominal = _nominal(arguments, Path(folder)) if arguments.as_fmu else None
-            for case in judge_cases(_cases(arguments, kinds), Path(folder), jobs, nominal=nominal):
-                found.append(case)
-                bar.update(len(found), None, f"{' + '.join(case.truth) or case.kind}: {case.said}")
-        except KeyboardInterrupt:
-            status = 130
+    for name, judge in (("suspects", _suspects), ("intervals", _intervals), ("witnesses", _witnesses)):
+        if getattr(arguments, name):
+            return judge(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        nominal = _nominal(arguments, Path(folder)) if arguments.as_fmu else None
+        judged = judge_cases(_cases(arguments, kinds), Path(folder), arguments.jobs, nominal=nominal)
+        found, status = collected(
+            judged, "discrepancy benchmark, cases", lambda x: f"{' + '.join(x.truth) or x.kind}: {x.said}"
+        )
     if found:
         _tell(arguments, kinds, found)
     if found and arguments.probabilities:
@@ -190,21 +181,12 @@ def _collected(
     in_words: "Callable[[Any], str]",
 ) -> tuple[list[Any], int]:
     """Return the cases that were judged, and the exit status; an interrupt keeps those that are complete."""
-    import os
     import tempfile
 
-    from bender_loop.shell.progress import Progress
+    from bender_studies.runner import collected
 
-    found: list[Any] = []
-    with tempfile.TemporaryDirectory() as folder, Progress(title) as bar:
-        try:
-            jobs = arguments.jobs or os.cpu_count() or 1
-            for case in judged(numbers, arguments.first_seed, Path(folder), jobs):
-                found.append(case)
-                bar.update(len(found), None, in_words(case))
-        except KeyboardInterrupt:
-            return found, 130
-    return found, 0
+    with tempfile.TemporaryDirectory() as folder:
+        return collected(judged(numbers, arguments.first_seed, Path(folder), arguments.jobs), title, in_words)
 
 
 def _reported(
@@ -217,49 +199,34 @@ def _reported(
     """Print the tables that have rows and write the cases; nothing where none was judged. Returns the exit status."""
     from dataclasses import asdict
 
-    from bender_loop.shell.files import finite, write_result
     from bender_loop.shell.progress import print_table
+    from bender_studies.runner import write_facts
 
     if not found:
         return status
     for title, columns, rows in tables(found):
         if rows:
             print_table(title, columns, rows)
-    write_result(arguments.out / name, {"seed": arguments.first_seed, "cases": finite([asdict(x) for x in found])})
-    sys.stdout.write(f"written: {arguments.out / name}\n")
+    write_facts(arguments.out / name, {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]})
     return status
 
 
 def _checked(arguments: argparse.Namespace) -> list[str]:
     from bender_loop.errors import InputError
+    from bender_proving import INSIDE, OUTSIDE
+    from bender_studies.hidden_effects.intervals import KNOWN
+    from bender_studies.runner import check_known, check_least
 
-    for kind in arguments.kinds or ():
-        if kind not in KINDS:
-            raise InputError(f"--kinds: found {kind!r}, expected one of {', '.join(KINDS)}")
-    _check_effects(arguments)
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "intervals", "witnesses"):
-        value = getattr(arguments, name)
-        if value is not None and value < 1:
-            raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
-    if arguments.first_seed < 0:
-        raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
+    check_known("--kinds", arguments.kinds or (), KINDS)
+    check_known("--effects", arguments.effects or (), KNOWN if arguments.intervals else INSIDE | OUTSIDE)
+    for name in ("suspects", "witnesses"):
+        if arguments.effects and getattr(arguments, name):
+            raise InputError(f"--effects: found --{name}, expected --kinds or --intervals with it")
+    check_least(arguments, 1, "seeds", "nothing_seeds", "jobs", "suspects", "intervals", "witnesses")
+    check_least(arguments, 0, "first_seed")
     if arguments.as_fmu and set(arguments.kinds or ()) - set(OF_FMU):
         raise InputError(f"--as-fmu: found the kinds {', '.join(arguments.kinds)}, expected {' or '.join(OF_FMU)}")
     return list(dict.fromkeys(arguments.kinds or (OF_FMU[:1] if arguments.as_fmu else USUAL)))
-
-
-def _check_effects(arguments: argparse.Namespace) -> None:
-    from bender_loop.errors import InputError
-    from bender_proving import INSIDE, OUTSIDE
-    from bender_studies.hidden_effects.intervals import KNOWN
-
-    known = KNOWN if arguments.intervals else INSIDE | OUTSIDE
-    for name in arguments.effects or ():
-        if name not in known:
-            raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("suspects", "witnesses"):
-        if arguments.effects and getattr(arguments, name):
-            raise InputError(f"--effects: found --{name.replace('_', '-')}, expected --kinds or --intervals with it")
 
 
 def _nominal(arguments: argparse.Namespace, folder: Path) -> "Nominal":

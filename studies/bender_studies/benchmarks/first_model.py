@@ -32,11 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table and the shares, write model.json.
-
-    Raises:
-        InputError: the number of systems or the seed is out of bounds.
-    """
+    """Print the table and the shares, write model.json."""
     from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table

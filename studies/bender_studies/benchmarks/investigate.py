@@ -37,55 +37,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Investigate, print the tables, write investigate.json; an interrupt keeps what is done."""
     import json
-    import os
     import tempfile
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from multiprocessing import get_context
 
     from bender_loop.shell.files import finite, prepare_directory, write_atomically
-    from bender_loop.shell.progress import Progress, print_table
-    from bender_studies.hidden_effects.trial import silence
+    from bender_loop.shell.progress import print_table
     from bender_studies.investigations import figures
     from bender_studies.investigations.trial import run_trial
+    from bender_studies.runner import collected, in_processes
 
     cases = list(_cases(arguments))
     prepare_directory(arguments.out)
-    found: list[InvestigationTrial] = []
-    status = 0
-    jobs = arguments.jobs or os.cpu_count() or 1
-    with tempfile.TemporaryDirectory() as place, Progress("investigations, benches") as bar:
+    path = arguments.out / "investigate.json"
+
+    def keep(found: "list[InvestigationTrial]") -> None:
+        text = json.dumps(finite([x.to_dict() for x in found]), indent=1, allow_nan=False)
+        write_atomically(path, text + "\n")
+
+    with tempfile.TemporaryDirectory() as place:
         old = _old_gains(Path(place))
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
-            waiting = [pool.submit(run_trial, x, Path(place) / x.id, arguments.budget_s, old) for x in cases]
-            try:
-                for future in as_completed(waiting):
-                    found.append(future.result())
-                    last = found[-1]
-                    bar.update(len(found), len(cases), f"{' + '.join(last.truth) or last.kind}: {last.verdict}")
-                    text = json.dumps(finite([x.to_dict() for x in found]), indent=1, allow_nan=False)
-                    write_atomically(arguments.out / "investigate.json", text + "\n")
-            except KeyboardInterrupt:
-                status = 130
-                for future in waiting:
-                    future.cancel()
+        tasks = [(x, Path(place) / x.id, arguments.budget_s, old) for x in cases]
+        tried = in_processes(run_trial, tasks, arguments.jobs, in_order=False)
+        found, status = collected(
+            tried,
+            "investigations",
+            lambda x: f"{' + '.join(x.truth) or x.kind}: {x.verdict}",
+            len(cases),
+            keep,
+        )
     if found:
         print_table("Benches in virtual time", figures.COLUMNS, figures.rows(found))
         sys.stdout.writelines(f"{sentence}\n" for sentence in figures.sentences(found))
-        sys.stdout.write(f"written: {arguments.out / 'investigate.json'}\n")
+        sys.stdout.write(f"written: {path}\n")
     return status
 
 
 def _cases(arguments: argparse.Namespace) -> "Iterator[Case]":
     """Return every effect once on the first sensor that excites it, pairs, benches with nothing hidden, weak starts."""
-    from bender_loop.errors import InputError
     from bender_proving import INSIDE, cases
+    from bender_studies.runner import check_known
 
-    wanted = set(arguments.effects or ())
-    if unknown := wanted - set(INSIDE):
-        raise InputError(f"--effects: found {sorted(unknown)[0]!r}, expected some of {', '.join(INSIDE)}")
-    for kind in arguments.kinds or KINDS:
-        if kind not in KINDS:
-            raise InputError(f"--kinds: found {kind!r}, expected one of {', '.join(KINDS)}")
+    wanted, kinds = set(arguments.effects or ()), arguments.kinds or KINDS
+    check_known("--effects", sorted(wanted), INSIDE)
+    check_known("--kinds", kinds, KINDS)
+    for kind in kinds:
         count = arguments.nothing_seeds if kind == "nothing" else arguments.seeds
         seen: set[Any] = set()
         for case in cases(kind, range(arguments.first_seed, arguments.first_seed + count)):

@@ -152,12 +152,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table, write nonlinear.json and the diagnosis of every benchmark.
-
-    Raises:
-        InputError: a benchmark is none of these, or none of their files are there.
-        RunError: a model or a diagnosis failed.
-    """
+    """Print the table, write nonlinear.json and the diagnosis of every benchmark."""
     import json
 
     from bender_loop.shell.files import prepare_directory, write_atomically

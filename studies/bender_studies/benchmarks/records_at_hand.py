@@ -9,11 +9,7 @@ DATA = Path("shared") / "data" / "rigs"
 
 
 def wanted(option: str, names: Sequence[str] | None, known: Mapping[str, T]) -> list[T]:
-    """Return what was asked for by name, each once; all of it where nothing was.
-
-    Raises:
-        InputError: a name is none of these.
-    """
+    """Return what was asked for by name, each once; all of it where nothing was."""
     from bender_loop.errors import InputError
 
     for name in names or ():
@@ -36,11 +32,7 @@ def missing_of(files: Iterable[str], data: Path) -> list[str]:
 
 
 def refuse_missing(missing: Sequence[str], data: Path, of: str) -> None:
-    """Refuse a folder that lacks files.
-
-    Raises:
-        InputError: it does; says which, and whose records are expected.
-    """
+    """Refuse a folder that lacks files."""
     from bender_loop.errors import InputError
 
     if missing:

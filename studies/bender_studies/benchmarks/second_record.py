@@ -25,9 +25,6 @@ def left_about_mean_um(model: "Model", record: "Record", hold: str = "hold", *, 
         record: of the same device.
         hold: how the command ran between the rows, as `diagnose --input-hold` has it.
         untimed: the times of the record are only an order.
-
-    Raises:
-        ModelError: the model cannot be simulated under the commands of the record.
     """
     seen = observe(record, hold in ("linear", "smooth"), untimed, hold == "smooth")
     if not starts_at_rest(record.voltage_V):

@@ -21,11 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the tables with their limits, write vision.json.
-
-    Raises:
-        InputError: a number is not positive, the directory cannot be written, or OpenCV is missing.
-    """
+    """Print the tables with their limits, write vision.json."""
     from bender_loop.errors import InputError
     from bender_loop.shell.files import finite, prepare_directory, write_result
     from bender_loop.shell.opencv import import_cv2

@@ -75,11 +75,6 @@ def run_on_bench(bench_file: Path, gains_file: Path, out: Path) -> Record:
     """Run the loop on the emulated bench, in real time; returns its record.
 
     Gains that name a model run the model-following controller, which is not told the set-points beforehand.
-
-    Raises:
-        RunError: the run tripped.
-        KeyboardInterrupt: it was interrupted; the output is off.
-        InputError: the extra `bench` is not installed.
     """
     from bender_hil.bench_file import read_bench
     from bender_hil.runner.following_program import following
@@ -126,12 +121,7 @@ def diagnose_run(record: Path, out: Path, given: str = NOMINAL) -> dict[str, Any
 
 
 def retune(model: Path, settings: TuneSettings, out: Path) -> Session:
-    """Tune on the corrected model and its rivals as on the nominal one, and a controller that follows it.
-
-    Raises:
-        RunError: the plant failed.
-        KeyboardInterrupt: it was interrupted.
-    """
+    """Tune on the corrected model and its rivals as on the nominal one, and a controller that follows it."""
     found = diagnosed(model).with_fmus_of(ready_plant_fmu)
     session = hold_session(ready_plant_fmu(model), None, None, settings, out, follow_model=True, found=found)
     if session.ended is Ended.INTERRUPTED:
@@ -142,11 +132,7 @@ def retune(model: Path, settings: TuneSettings, out: Path) -> Session:
 
 
 def on_the_bench(session: Session, out: Path) -> BenchStory:
-    """The whole way, into `out`; `session` is the tuning on the nominal model.
-
-    Raises:
-        InputError, RunError, KeyboardInterrupt: as the steps do.
-    """
+    """The whole way, into `out`; `session` is the tuning on the nominal model."""
     for name in (BEFORE, AFTER):
         # a run never writes over another one; those of an earlier demonstration are this one's to remove
         shutil.rmtree(out / name, ignore_errors=True)

@@ -16,11 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the demonstration; prints where its page is.
-
-    Raises:
-        InputError: what it draws or looks with is not installed.
-    """
+    """Run the demonstration; prints where its page is."""
     from bender_loop.shell.extras import require
     from bender_loop.shell.files import results_folder
     from bender_loop.shell.run import answer

@@ -42,12 +42,7 @@ class Scale:
 
 
 def demonstrate(out: Path, scale: Scale | None = None) -> Path:
-    """Do everything, write it into `out`; returns the page.
-
-    Raises:
-        InputError: the directory cannot be written, or the FMUs nowhere.
-        RunError: a plant failed.
-    """
+    """Do everything, write it into `out`; returns the page."""
     scale = Scale() if scale is None else scale
     prepare_directory(out)
     with _step(1, "building the FMUs"):

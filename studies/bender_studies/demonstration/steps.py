@@ -87,12 +87,7 @@ def build_fmus() -> Fmus:
 
 
 def tune(fmus: Fmus, out: Path, *, evaluations: int, plants: int) -> Session:
-    """`bender tune --model bench --monte-carlo` into `out`.
-
-    Raises:
-        RunError: the plant failed.
-        KeyboardInterrupt: it was interrupted; the best gains so far are in `out`.
-    """
+    """`bender tune --model bench --monte-carlo` into `out`."""
     settings = make_settings(evaluations=evaluations, monte_carlo=plants)
     session = hold_session(fmus.bench, None, None, settings, out)
     if session.ended is Ended.INTERRUPTED:
@@ -103,12 +98,7 @@ def tune(fmus: Fmus, out: Path, *, evaluations: int, plants: int) -> Session:
 
 
 def race(fmus: Fmus, out: Path, *, seeds: Sequence[int], evaluations: int, report: Report) -> Race:
-    """The beetle as printed, with its sign corrected, and ours, on the paper's model, objective and rate.
-
-    Raises:
-        RunError: the plant failed.
-        KeyboardInterrupt: it was interrupted.
-    """
+    """The beetle as printed, with its sign corrected, and ours, on the paper's model, objective and rate."""
     settings = make_settings(objective="mse", evaluations=evaluations)
     runs: dict[str, list[SearchResult]] = {method: [] for method in RACERS}
     total = len(RACERS) * len(seeds)
@@ -124,12 +114,7 @@ def race(fmus: Fmus, out: Path, *, seeds: Sequence[int], evaluations: int, repor
 
 
 def overlay(fmus: Fmus, out: Path, *, seed: int) -> Overlaid:
-    """The model over a record: the paper's own measurement where it lies beside the checkout, else one made here.
-
-    Raises:
-        RunError: the plant failed.
-        KeyboardInterrupt: it was interrupted.
-    """
+    """The model over a record: the paper's own measurement where it lies beside the checkout, else one made here."""
     measured = measured_record()
     if measured is not None:
         return _overlaid(fmus.paper, measured, "paper", out, is_measured=True)

@@ -7,21 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-HELP = "a fleet: scheduling of thousands, two workers against one, names right, one controller for all"
-PARTS = ("scheduling", "file", "speed", "names", "tune")
+HELP = "a fleet: two workers against one, names right, one controller for all"
+PARTS = ("speed", "names", "tune")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which parts, how many units, and where everything goes."""
     parser.add_argument(
         "--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=f"of {' '.join(PARTS)}"
-    )
-    parser.add_argument(
-        "--sleeping",
-        type=int,
-        default=10_000,
-        metavar="N",
-        help="units of the scheduling test, each of which only waits (default: 10000)",
     )
     parser.add_argument(
         "--units", type=int, default=200, metavar="N", help="example units whose names are judged (default: 200)"
@@ -41,15 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print a line a figure, write fleet.json. Names and tune go on where an earlier run of them ended."""
     from bender_fleet.cluster.settings import require_cluster
-    from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_studies.runner import check_least
 
     require_cluster()
-    for name in ("sleeping", "units", "timed", "tuned", "evaluations", "groups", "workers"):
-        if getattr(arguments, name) is not None and getattr(arguments, name) < 1:
-            raise InputError(f"--{name}: found {getattr(arguments, name)}, expected at least 1")
-    if arguments.seed < 0:
-        raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
+    check_least(arguments, 1, "units", "timed", "tuned", "evaluations", "groups", "workers")
+    check_least(arguments, 0, "seed")
     out: Path = prepare_directory(arguments.out)
     measured: dict[str, Any] = {}
     for part in PARTS:
@@ -63,30 +53,6 @@ def run(arguments: argparse.Namespace) -> int:
 def _line(text: str, met: bool | None = None) -> None:
     sys.stdout.write(text + {None: "", True: ": met", False: ": NOT MET"}[met] + "\n")
     sys.stdout.flush()
-
-
-def _scheduling(arguments: argparse.Namespace, out: Path) -> Any:
-    from bender_studies.fleet.scheduling import scheduled
-
-    return _print_scheduling("local cluster", scheduled(arguments.sleeping, arguments.workers, _empty(out / "local")))
-
-
-def _file(arguments: argparse.Namespace, out: Path) -> Any:
-    from bender_studies.fleet.scheduling import cluster_of_processes, scheduled
-
-    with cluster_of_processes(arguments.workers, out / "processes") as cluster:
-        found = scheduled(arguments.sleeping, arguments.workers, _empty(out / "file"), cluster)
-    return _print_scheduling("processes found by --scheduler-file", found)
-
-
-def _print_scheduling(what: str, x: Any) -> Any:
-    from dataclasses import asdict
-
-    _line(f"{what}: {x.units} units of 20 ms in {x.seconds:.1f} s with {x.workers} workers")
-    _line(f"  {x.cost_ms:.2f} ms a unit beside its sleep (target 5)", x.cost_ms < 5.0)
-    _line(f"  page in {x.page_s:.2f} s (target 5), {x.page_MB:.2f} MB (target 15)", x.page_s < 5.0 and x.page_MB < 15.0)
-    _line(f"  memory of the client {x.memory_MB[0]:.0f} MB after a tenth, {x.memory_MB[1]:.0f} MB at the end")
-    return asdict(x)
 
 
 def _speed(arguments: argparse.Namespace, out: Path) -> Any:
@@ -192,5 +158,5 @@ def _empty(folder: Path) -> Path:
 
 
 _MEASURES: dict[str, Callable[[argparse.Namespace, Path], Any]] = {
-    "scheduling": _scheduling, "file": _file, "speed": _speed, "names": _names, "tune": _tune,
+    "speed": _speed, "names": _names, "tune": _tune,
 }  # fmt: skip

@@ -40,11 +40,7 @@ class TruthComparison:
 
 
 def compare_with_truth(out: Path, truth: Path) -> TruthComparison:
-    """Return how the results of a fleet compare with what was hidden; units that were not reached are left out.
-
-    Raises:
-        InputError: the file with the truth is not of this fleet.
-    """
+    """Return how the results of a fleet compare with what was hidden; units that were not reached are left out."""
     known: dict[str, Any] = json.loads(truth.read_text(encoding="utf-8"))
     population = read_population(out)
     if not set(population.place) <= set(known["units"]):

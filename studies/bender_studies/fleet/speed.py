@@ -76,11 +76,7 @@ def readable_units(manifest: Path, count: int) -> list[Unit]:
 
 
 def measure_speed(units: list[Unit], out: Path, tell: Callable[[str], None]) -> Speed:
-    """Diagnose units with one worker, with two, and alone.
-
-    Raises:
-        RunError: a diagnosis alone failed.
-    """
+    """Diagnose units with one worker, with two, and alone."""
     tell("alone, without a cluster")
     alone = _alone(units)
     tell("one worker")

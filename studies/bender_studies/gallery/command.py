@@ -31,10 +31,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the table, write the page, its figures, and a folder with record, model and report for every rig.
 
     Ctrl-C keeps the rigs that are complete.
-
-    Raises:
-        InputError: there is no such rig, or no such record, or the seed is negative.
-        RunError: a diagnosis failed.
     """
     import time
     from dataclasses import asdict

@@ -63,12 +63,7 @@ def record_text(rig: "PublishedRig", record: "RigRecord") -> str:
 
 
 def diagnose_rig(rig: "PublishedRig", seed: int, out: Path) -> RigDiagnosis:
-    """Play a rig, write its record and its model, diagnose these, and write the report beside them.
-
-    Raises:
-        InputError: a file cannot be written.
-        RunError: the diagnosis failed.
-    """
+    """Play a rig, write its record and its model, diagnose these, and write the report beside them."""
     import numpy as np
     import tomli_w
 

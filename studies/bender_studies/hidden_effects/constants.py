@@ -6,14 +6,14 @@ constant has the search look at besides is computed anew.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bender_studies.hidden_effects.trial import MODEL, silence
+from bender_studies.hidden_effects.trial import MODEL
+from bender_studies.runner import silence, workers
 
 if TYPE_CHECKING:
     from bender_discrepancy.fitting.journal import Journal
@@ -74,25 +74,12 @@ def changes(part: float, confidence: float) -> list[Changed]:
     ]
 
 
-def compared(
-    drawn: Iterable["Case"], folder: Path, jobs: int, part: float, tell: Callable[[str], None] = lambda _: None
-) -> Iterator[Compared]:
-    """Yield every case under every change, one change after the other.
-
-    Args:
-        drawn: the cases.
-        folder: gets a folder for each case.
-        jobs: processes at a time.
-        part: of each constant, by which it is changed.
-        tell: is told how many cases are diagnosed with the constants as they are, which takes longest.
-    """
+def compared(drawn: Iterable["Case"], folder: Path, jobs: int | None, part: float) -> Iterator[Compared]:
+    """Yield every case with every constant changed by a part of it, one change after the other."""
     from bender_discrepancy.fitting.criterion import CONFIDENCE as USUAL
 
     truths = dict(_written(case, folder) for case in drawn)
-    before: dict[str, Said] = {}
-    for case, said in _answers(tuple(truths), folder, jobs, Changed()):
-        before[case] = said
-        tell(f"as they are: {len(before)} of {len(truths)}, {' + '.join(truths[case]) or 'nothing'}: {said.in_words}")
+    before = dict(_answers(tuple(truths), folder, jobs, Changed()))
     for one in changes(part, USUAL):
         for case, after in _answers(tuple(truths), folder, jobs, one):
             yield Compared(case, truths[case], one, before[case], after)
@@ -119,16 +106,11 @@ def _written(case: "Case", folder: Path) -> tuple[str, tuple[str, ...]]:
     return case.id, case.effect_ids
 
 
-def _answers(cases: Sequence[str], folder: Path, jobs: int, changed: Changed) -> Iterator[tuple[str, Said]]:
-    context = get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_change, initargs=(changed,)) as pool:
+def _answers(cases: Sequence[str], folder: Path, jobs: int | None, changed: Changed) -> Iterator[tuple[str, Said]]:
+    with workers(jobs, _change, (changed,)) as pool:
         running = {pool.submit(_answer, folder / case, changed): case for case in cases}
-        try:
-            for future in as_completed(running):
-                yield running[future], future.result()
-        finally:
-            for future in running:
-                future.cancel()
+        for future in as_completed(running):
+            yield running[future], future.result()
 
 
 def _change(changed: Changed) -> None:

@@ -6,15 +6,14 @@ simulated by the independent generator.
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 from bender_studies.hidden_effects.figures import wilson
-from bender_studies.hidden_effects.trial import MODEL, silence
+from bender_studies.hidden_effects.trial import MODEL
+from bender_studies.runner import in_processes
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
@@ -215,15 +214,9 @@ def exposure_of(case: "Case", number: int, seed: int) -> float:
     return float(rng.uniform(*EXPOSURES_S)) if exposed else 0.0
 
 
-def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[StatedInterval]:
+def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int | None) -> Iterator[StatedInterval]:
     """Draw benches, record and diagnose them in processes of their own, and judge, in their order."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
-        trials = [pool.submit(_stated_interval, k, seed, folder) for k in numbers]
-        try:
-            for trial in trials:
-                yield trial.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+    return in_processes(_stated_interval, ((k, seed, folder) for k in numbers), jobs)
 
 
 def _stated_interval(number: int, seed: int, folder: Path) -> StatedInterval:

@@ -1,10 +1,10 @@
 """A run of the judge: cases are drawn, diagnosed in worker processes, and judged as the answers come."""
 
 import math
+import os
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,8 @@ from bender_studies.hidden_effects.judging import (
     central_share,
     numbers_right,
 )
-from bender_studies.hidden_effects.trial import CENTRAL, FMU, MODEL, Answer, Trial, answer, silence
+from bender_studies.hidden_effects.trial import CENTRAL, FMU, MODEL, Answer, Trial, answer
+from bender_studies.runner import workers
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,7 +52,7 @@ class _Running:
 def judge_cases(
     drawn: Iterable["Case"],
     directory: Path,
-    jobs: int,
+    jobs: int | None,
     nominal: Nominal | None = None,
 ) -> Iterator[Judged]:
     """Diagnose every case and yield the judgements as they come.
@@ -63,26 +64,23 @@ def judge_cases(
         nominal: the model of the diagnosis, and whether the benches are linear; None for the paper's model.
     """
     waiting = iter(drawn)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
+    jobs = jobs or os.cpu_count() or 1
+    with workers(jobs) as pool:
         running: dict[Future[Answer], _Running] = {}
-        try:
-            while True:
-                while len(running) < jobs + 1 and (case := next(waiting, None)) is not None:
-                    item = _written(case, directory, nominal)
-                    running[pool.submit(answer, item.trial)] = item
-                if not running:
-                    return
-                ready, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in ready:
-                    item = running.pop(future)
-                    again = _again(item, future.result(), directory)
-                    if again is not None:
-                        running[pool.submit(answer, again)] = item
-                        continue
-                    yield _judged(item, future.result())
-        finally:
-            for future in running:
-                future.cancel()
+        while True:
+            while len(running) < jobs + 1 and (case := next(waiting, None)) is not None:
+                item = _written(case, directory, nominal)
+                running[pool.submit(answer, item.trial)] = item
+            if not running:
+                return
+            ready, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in ready:
+                item = running.pop(future)
+                again = _again(item, future.result(), directory)
+                if again is not None:
+                    running[pool.submit(answer, again)] = item
+                    continue
+                yield _judged(item, future.result())
 
 
 def _written(case: "Case", directory: Path, nominal: Nominal | None) -> _Running:

@@ -1,14 +1,12 @@
 """Parameter against effect: an FMU whose parameter is off, or whose model lacks an effect, or both."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.errors import InputError, RunError
-from bender_studies.hidden_effects.trial import silence
+from bender_studies.runner import in_processes
 
 if TYPE_CHECKING:
     from bender_plant.model import Model
@@ -68,27 +66,15 @@ class SuspectedJudged:
     answer: SuspectedAnswer
 
 
-def judged_suspects(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[SuspectedJudged]:
-    """Draw, diagnose and judge cases, in their order.
-
-    Raises:
-        InputError, RunError: the FMUs cannot be made.
-    """
+def judged_suspects(numbers: Iterable[int], seed: int, folder: Path, jobs: int | None) -> Iterator[SuspectedJudged]:
+    """Draw, diagnose and judge cases, in their order."""
     from bender_proving.systems.suspected import suspected_case
 
     cases = {k: suspected_case(k, seed) for k in numbers}
     models = {x: _model_fmu(x, folder) for x in {x.structure for x in cases.values()}}
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
-        trials = [
-            pool.submit(_answer, _written(x, folder), models[x.structure], _given(x), k) for k, x in cases.items()
-        ]
-        try:
-            for trial in trials:
-                found = trial.result()
-                yield judge(cases[found.number], found)
-        finally:
-            for trial in trials:
-                trial.cancel()
+    tasks = ((_written(x, folder), models[x.structure], _given(x), k) for k, x in cases.items())
+    for found in in_processes(_answer, tasks, jobs):
+        yield judge(cases[found.number], found)
 
 
 def judge(case: "SuspectedCase", found: SuspectedAnswer) -> SuspectedJudged:

@@ -158,10 +158,3 @@ def _left_um(record: "Record", simulated: "np.ndarray") -> float:
     left = left[np.isfinite(left)]
     left = np.sort(np.abs(left - np.median(left)))[: max(1, math.ceil(CENTRAL * left.size))]
     return float(np.sqrt(np.mean(left**2)))
-
-
-def silence() -> None:
-    """Keep the libraries of a worker to one thread: the workers share the processors."""
-    from threadpoolctl import threadpool_limits
-
-    threadpool_limits(1)

@@ -1,16 +1,17 @@
 """Witnesses: benches whose effects are confused without the instruments beside the sensor, diagnosed with them."""
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from itertools import count
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.errors import InputError, RunError
 from bender_studies.hidden_effects.figures import wilson
-from bender_studies.hidden_effects.trial import MODEL, silence
+from bender_studies.hidden_effects.trial import MODEL
+from bender_studies.runner import workers
 
 if TYPE_CHECKING:
     from bender_proving.cases.witnessed import WitnessedCase
@@ -82,39 +83,32 @@ class WitnessedJudged:
         return self.answer.verdict == "named" and not set(self.answer.effects) <= {self.effect}
 
 
-def witnessed(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[WitnessedJudged]:
-    """Draw benches until as many as asked for are confused without their instruments; judge those with them.
-
-    Raises:
-        RunError: too few of what was drawn is confused.
-    """
-    wanted = len(list(numbers))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
-        draws = iter(count())
-        running: list[tuple[WitnessedCase, Future[WitnessedAnswer]]] = []
-        confirmed: list[tuple[int, WitnessedCase, WitnessedAnswer, Future[WitnessedAnswer]]] = []
-        taken = found = 0
-        try:
-            while found < wanted:
-                while len(running) <= jobs:
-                    case = _case(next(draws), seed)
-                    running.append((case, pool.submit(_answer, _written(case, folder, whole=False))))
-                case, plain = running.pop(0)
-                taken += 1
-                if taken > MOST_DRAWS * wanted:
-                    raise RunError(f"found {found} benches confused of {taken - 1} drawn, expected {wanted}")
-                if plain.result().verdict == "error" or plain.result().names(case.effect):
-                    continue
-                found += 1
-                confirmed.append((taken, case, plain.result(), pool.submit(_answer, _written(case, folder))))
-                while confirmed and (confirmed[0][-1].done() or len(confirmed) > jobs):
-                    yield _judged(*confirmed.pop(0))
-            for _, plain in running:
-                plain.cancel()
-            for one in confirmed:
-                yield _judged(*one)
-        finally:
-            pool.shutdown(cancel_futures=True)
+def witnessed(numbers: Iterable[int], seed: int, folder: Path, jobs: int | None) -> Iterator[WitnessedJudged]:
+    """Draw benches until as many as asked for are confused without their instruments; judge those with them."""
+    wanted, jobs = len(list(numbers)), jobs or os.cpu_count() or 1
+    draws = iter(count())
+    running: list[tuple[WitnessedCase, Future[WitnessedAnswer]]] = []
+    confirmed: list[tuple[int, WitnessedCase, WitnessedAnswer, Future[WitnessedAnswer]]] = []
+    taken = found = 0
+    with workers(jobs) as pool:
+        while found < wanted:
+            while len(running) <= jobs:
+                case = _case(next(draws), seed)
+                running.append((case, pool.submit(_answer, _written(case, folder, whole=False))))
+            case, plain = running.pop(0)
+            taken += 1
+            if taken > MOST_DRAWS * wanted:
+                raise RunError(f"found {found} benches confused of {taken - 1} drawn, expected {wanted}")
+            if plain.result().verdict == "error" or plain.result().names(case.effect):
+                continue
+            found += 1
+            confirmed.append((taken, case, plain.result(), pool.submit(_answer, _written(case, folder))))
+            while confirmed and (confirmed[0][-1].done() or len(confirmed) > jobs):
+                yield _judged(*confirmed.pop(0))
+        for _, plain in running:
+            plain.cancel()
+        for one in confirmed:
+            yield _judged(*one)
 
 
 def _judged(

@@ -22,12 +22,6 @@ def reproduce(out: Path, seed: int = 0, scale: Scale | None = None) -> tuple[Pat
     """Compute every exhibit and write `index.html`, `reproduction.json` and the folder `records` into `out`.
 
     An exhibit whose run fails says so in its place, the others stand.
-
-    Returns:
-        the page, and the names of the exhibits that failed.
-
-    Raises:
-        InputError: the directory cannot be written, or the FMUs nowhere.
     """
     began = time.monotonic()
     prepare_directory(out)

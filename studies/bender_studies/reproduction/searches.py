@@ -87,12 +87,7 @@ class Beetles:
 
 
 def run_beetles(fmu: Path, seeds: int, evaluations: int, first_seed: int, report: Report) -> Beetles:
-    """Run every kind with every seed.
-
-    Raises:
-        RunError: the plant failed.
-        KeyboardInterrupt: it was interrupted.
-    """
+    """Run every kind with every seed."""
     settings = make_settings(objective="mse", evaluations=evaluations)
     runs: dict[str, list[Beetle]] = {kind: [] for kind in KINDS}
     with open_guarded(fmu) as (plant, _):

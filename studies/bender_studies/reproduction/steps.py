@@ -79,11 +79,7 @@ class PaperLoop:
 
 
 def run_paper_loop(fmu: Path, evaluations: int, rng: np.random.Generator) -> PaperLoop:
-    """Judge the rule's gains and look for gains that give the printed steps.
-
-    Raises:
-        RunError: the plant failed.
-    """
+    """Judge the rule's gains and look for gains that give the printed steps."""
     with open_guarded(fmu) as (plant, _):
         problem = pose_problem(plant, make_settings(objective="mse"))
         longer = replace(problem.experiment, duration_s=JUDGED_S)
@@ -133,12 +129,7 @@ class Tuned:
 
 
 def tune_for_the_bench(fmu: Path, evaluations: int, seed: int) -> Tuned:
-    """Tune by reliable BAS with the practitioner's objective.
-
-    Raises:
-        RunError: the plant failed, or no gains were found under which the loop holds.
-        KeyboardInterrupt: it was interrupted.
-    """
+    """Tune by reliable BAS with the practitioner's objective."""
     with open_guarded(fmu) as (plant, _):
         problem = pose_problem(plant, make_settings(evaluations=evaluations, seed=seed))
         found = _searched(problem)
@@ -149,12 +140,7 @@ def tune_for_the_bench(fmu: Path, evaluations: int, seed: int) -> Tuned:
 
 
 def tune_for_the_high_step(fmu: Path, setpoint_um: float, evaluations: int, seed: int) -> Gains:
-    """Tune as the gains that `bender hil` brings along are tuned: ITAE, two frames of latency, bounded slew, noise.
-
-    Raises:
-        RunError: the plant failed, or no gains were found under which the loop holds.
-        KeyboardInterrupt: it was interrupted.
-    """
+    """Tune as the gains that `bender hil` brings along are tuned: ITAE, two frames of latency, bounded slew, noise."""
     settings = make_settings(objective="itae", setpoint_um=setpoint_um, evaluations=evaluations, seed=seed, **HIGH_STEP)
     with open_guarded(fmu) as (plant, _):
         return _searched(pose_problem(plant, settings))

@@ -101,11 +101,7 @@ class Optimum:
 
 
 def global_tasks(evaluations: int) -> list[SearchTask]:
-    """The first half of `evaluations`, in global searches.
-
-    Raises:
-        ValueError: fewer than 64 evaluations.
-    """
+    """The first half of `evaluations`, in global searches."""
     if evaluations < FEWEST_EVALUATIONS:
         raise ValueError(f"optimum_evaluations must be >= {FEWEST_EVALUATIONS}, found {evaluations!r}")
     share = math.ceil(evaluations / (4 * SEEDS))

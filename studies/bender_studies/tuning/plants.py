@@ -30,9 +30,6 @@ class BenchmarkPlant:
         latency_frames: between a frame and its use.
         setpoint_um: level of the step.
         duration_s: length of a run.
-
-    Raises:
-        ValueError: rate, latency or duration is out of its range.
     """
 
     name: str
@@ -68,10 +65,6 @@ class Problem:
     Attributes:
         guess: SIMC first guess at the setpoint, the centre of the searches.
         evaluations: how many values were asked for.
-
-    Raises:
-        InputError: no such file, or not an FMU for this platform.
-        RunError: the FMU does not start.
     """
 
     def __init__(self, plant: BenchmarkPlant, fmu: Path) -> None:

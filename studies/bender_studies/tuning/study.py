@@ -28,9 +28,6 @@ class StudySettings:
         jobs: processes that work at the same time; None for one per processor.
         methods: keys of METHODS.
         plants: the loops.
-
-    Raises:
-        ValueError: a number is too small, or there is no such method.
     """
 
     seeds: int = 30

@@ -1,20 +1,24 @@
-"""Units that sleep and then say something like a diagnosis: all that a fleet does but the work itself."""
+"""Units that sleep and then say something like a diagnosis, and a cluster of processes: a fleet without its work."""
 
 import os
 import secrets
 import signal
+import subprocess
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bender_fleet.cluster.settings import ClusterSettings
 from bender_fleet.run import Task
 from bender_fleet.sources.units import Unit
 from bender_fleet.work.job import UnitResult
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.shell.files import write_atomically
 
 SLEEP_S = 0.02
@@ -23,6 +27,7 @@ EFFECTS = (
     "supply_quantisation", "dead_zone", "slew_limit", "saturation", "sensor_lag", "charge_leakage", "backlash",
 )  # fmt: skip
 BATCHES = 12
+_PATIENCE_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +44,7 @@ class Sleeping:
     fatal: tuple[str, ...] = ()
     log: str | None = None
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:  # noqa: ARG002
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> UnitResult:
         """Return a row as a diagnosis has it; see `bender_fleet.work.job.Work`."""
         if self.log is not None:
             write_atomically(Path(self.log) / f"{names[0]}.{secrets.token_hex(4)}", str(os.getpid()))
@@ -94,3 +99,61 @@ def _said(rng: np.random.Generator, number: int) -> UnitResult:
         for x in names
     ]  # fmt: skip
     return UnitResult(row, effects)
+
+
+@contextmanager
+def cluster_of_processes(workers: int, folder: Path, options: Sequence[str] = ()) -> Iterator[ClusterSettings]:
+    """Give a scheduler and workers in processes of their own, found by a scheduler file.
+
+    Args:
+        workers: how many.
+        folder: of the file, and of what the workers put on the disk.
+        options: of `dask scheduler` and `dask worker` alike.
+
+    Raises:
+        RunError: they do not start.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "scheduler.json"
+    file.unlink(missing_ok=True)
+    # the workers find this module as well
+    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    dask = [sys.executable, "-P", "-m", "distributed.cli.dask_scheduler"]
+    common = {
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+        "env": os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path},
+    }
+    where = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    begun = [subprocess.Popen([*dask, *where, *options], **common)]
+    try:
+        _until(file.is_file, "the scheduler")
+        worker = [
+            sys.executable,
+            "-P",
+            "-m",
+            "distributed.cli.dask_worker",
+            "--scheduler-file",
+            str(file),
+            "--nthreads",
+            "1",
+        ]
+        begun += [
+            subprocess.Popen([*worker, "--no-dashboard", "--local-directory", str(folder), *options], **common)
+            for _ in range(workers)
+        ]
+        yield ClusterSettings(scheduler_file=file)
+    finally:
+        for process in reversed(begun):
+            process.terminate()
+        for process in begun:
+            process.wait(timeout=_PATIENCE_S)
+
+
+def _until(there: object, what: str) -> None:
+    assert callable(there)
+    end = time.monotonic() + _PATIENCE_S
+    while not there():
+        if time.monotonic() > end:
+            raise RunError(f"{what} did not start within {_PATIENCE_S:g} s")
+        time.sleep(0.1)
