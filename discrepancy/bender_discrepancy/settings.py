@@ -12,7 +12,6 @@ Beginning = Literal["auto", "rest", "motion"]
 HIGHEST_V = 1000.0
 """The most that a next experiment may ask for: more is a slip of the unit."""
 LEAST_CONFIDENCE = 0.5
-MOST_EFFECTS = 5
 RELEVANT = 0.005
 """Of the stroke."""
 
@@ -34,7 +33,6 @@ class Settings:
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
         relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
         same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
-        most_effects: that are sought beside one another.
 
     Raises:
         InputError: a setting is out of its range.
@@ -51,7 +49,6 @@ class Settings:
     slew_V_per_s: float = math.inf
     relevant: float = RELEVANT
     same_zero: bool = False
-    most_effects: int = MOST_EFFECTS
 
     @property
     def input_hold(self) -> InputHold:
@@ -68,8 +65,6 @@ class Settings:
             raise InputError(f"highest_V: found {high:g}, expected more than 0 and at most {HIGHEST_V:g} V")
         if not 0.0 <= self.relevant < 1.0:
             raise InputError(f"relevant: found {self.relevant:g}, expected a share from 0 to below 1")
-        if not 1 <= self.most_effects <= MOST_EFFECTS:
-            raise InputError(f"most_effects: found {self.most_effects}, expected 1 to {MOST_EFFECTS}")
         if not self.slew_V_per_s > 0.0:
             raise InputError(f"slew_V_per_s: found {self.slew_V_per_s:g}, expected more than 0")
         if not LEAST_CONFIDENCE <= self.confidence < 1.0:

@@ -52,7 +52,7 @@ from bender_discrepancy.search.result import BrokenOffError, Interrupted, Search
 from bender_discrepancy.search.search import Progress, Searched, search
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.start import better_beginning
-from bender_discrepancy.settings import MOST_EFFECTS, Settings
+from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import between_rows_decided, competing_structures, rebased
 from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_loop.errors import InputError, RunError
@@ -66,6 +66,7 @@ from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 from bender_report.wording import listed
 
+MOST_EFFECTS = 5
 # what an effect of the ringing is sized by in a model that has none
 WITHOUT_MODES_Hz, USUAL_S = 100.0, 50.0
 
@@ -224,7 +225,7 @@ def diagnose(
             if box is None or box.measured is None:
                 driver.begin()
             how = how if base is None else decide_input_hold(base, records, how)
-            lacking, most = (box.lacking(), box.leading) if box else ((), how.most_effects)
+            lacking, most = (box.lacking(), box.leading) if box else ((), MOST_EFFECTS)
             found = search_records(given, records, how, tell, lacking, most, others)
         try:
             while box and (nearer := box.again(found, tell)) is not None:

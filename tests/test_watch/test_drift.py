@@ -127,8 +127,11 @@ def test_a_drift_that_bends_is_followed(course: str, slope: float) -> None:
     moved = {"exponential": -20.0 * np.exp(-(age - 1.0) / 20.0), "logarithm": np.log(age), "square": 0.5 * age**2}
     at = slope * moved[course]
     follows = following(WHITE, slopes=(slope, 0.0))
-    judged = follows.judge(residual + at - at[0], own, np.full(60_000, JUDGED), np.ones(60_000), 0, *beside(own))
-    assert judged.exceedance is None
+    read, kinds, begin, alarms = residual + at - at[0], np.full(60_000, JUDGED), 0, 0
+    while (found := follows.judge(read, own, kinds, np.ones(60_000), begin, *beside(own)).exceedance) is not None:
+        alarms, begin = alarms + 1, found.row + 1
+        follows.reset()
+    assert alarms <= 1
     assert follows.amplitudes[0] == pytest.approx(at[-1] - at[0], abs=0.3)
 
 

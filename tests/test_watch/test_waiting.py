@@ -29,10 +29,12 @@ def explanation(left_um: float, rows: int, effects: tuple[dict[str, Any], ...] =
         (1.3 * NOISE_UM, (), False),
         (1.03 * NOISE_UM, (), True),
         (1.3 * NOISE_UM, (CREEP,), True),
+        (1.03 * NOISE_UM, (CREEP | {"grade": "possible"},) * 2, False),
+        (1.03 * NOISE_UM, (CREEP | {"grade": "possible"}, CREEP | {"grade": "likely"}), True),
         (math.nan, (), True),
     ],
 )
-def test_nothing_is_missing_beside_more_than_noise_is_no_explanation(
+def test_what_names_nothing_as_likely_beside_more_than_noise_or_others_is_no_explanation(
     left_um: float, effects: tuple[dict[str, Any], ...], *, is_settled: bool
 ) -> None:
     assert explanation(left_um, 1000, effects).is_settled(NOISE_UM) == is_settled

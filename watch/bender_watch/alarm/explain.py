@@ -68,17 +68,20 @@ class Explanation:
     diagnosis: Diagnosis | None = None
 
     def is_settled(self, noise_um: float, white: float = 1.0) -> bool:
-        """Return whether the rows suffice: something is named, or the residual is the noise of the device.
+        """Return whether the rows suffice: an effect is likely at least, or none is found and the residual is noise.
 
         A diagnosis learns the noise from the rows that it explains. The watch knows it from the training record, and
-        that there is a change: "nothing is missing" beside more than that noise says that the rows were too few.
+        that there is a change: "nothing is missing" beside more than that noise says that the rows were too few, and so
+        do several effects of which none is likely.
 
         Args:
             noise_um: deviation of the noise.
             white: part of its variance that the last rows do not foretell.
         """
         most = 1.0 + NOISE_DEVIATIONS * math.sqrt(2.0 / max(self.rows * white, 1.0))
-        return bool(self.effects) or not self.left_um > noise_um * math.sqrt(most)
+        if self.effects:
+            return any(x["grade"] != "possible" for x in self.effects)
+        return not self.left_um > noise_um * math.sqrt(most)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what stands in the line of events."""
