@@ -1,5 +1,6 @@
 """`bender tune` and `python -m bender_tuner` as processes: what they write, and how they end."""
 
+import argparse
 import hashlib
 import json
 import os
@@ -17,6 +18,7 @@ import pytest
 from few import few_rows
 
 from bender_cli.main import main
+from bender_tuner.command import add_arguments, settings_from
 from bender_tuner.results.gains_file import read_gains
 
 SLAVES = Path(__file__).parent / "slaves"
@@ -180,7 +182,7 @@ def spoilt(fmu: Path, target: Path, change: Callable[[str], str]) -> Path:
         (["--evaluations", "-3"], "--evaluations: found '-3'"),
         (["--evaluations", "3", "--iterations", "1"], "not allowed with"),
         (["--voltage-limits", "50", "0"], "lower_V"),
-        (["--exposure", "50"], "exposure_s"),
+        (["--exposure", "15"], "exposure_s must be at most the period 0.0333"),  # of earlier versions, in ms
         (["--nonsense", "1"], "--nonsense"),
     ],
 )
@@ -318,3 +320,9 @@ def test_an_interrupt_leaves_an_older_complete_result_alone(tuned: Path, paper_f
         assert json.loads(now["tuning.partial.json"])["status"] == "interrupted"
     assert tune(*small(paper_fmu), "--out", "out", cwd=tmp_path).returncode == 0
     assert not list((tmp_path / "out").glob("*.partial.*"))
+
+
+def test_an_exposure_is_in_seconds_as_in_the_bench_file():
+    words = argparse.ArgumentParser()
+    add_arguments(words)
+    assert settings_from(words.parse_args(["--exposure", "0.015"])).exposure_s == 0.015

@@ -96,7 +96,7 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         setpoint_um=arguments.setpoint,
         rate_Hz=arguments.rate,
         latency_frames=arguments.latency,
-        exposure_s=None if arguments.exposure is None else 1e-3 * arguments.exposure,
+        exposure_s=arguments.exposure,
         noise_um=arguments.noise,
         duration_s=arguments.duration,
         lower_V=lower_V,
@@ -252,7 +252,10 @@ def _add_loop(parser: argparse.ArgumentParser) -> None:
         help="age of a frame when the controller uses it (default: 1; 0 with mse)",
     )
     parser.add_argument(
-        "--exposure", type=_number, metavar="MS", help="default: 15 or 45 %% of the period; 0 with mse and below 3.3 Hz"
+        "--exposure",
+        type=_number,
+        metavar="S",
+        help="a frame is the mean over it (default: 0.015, at most 45 %% of the period; 0 with mse and below 3.3 Hz)",
     )
     parser.add_argument(
         "--noise", type=_number, default=0.0, metavar="UM", help="standard deviation of the reading in µm (default: 0)"

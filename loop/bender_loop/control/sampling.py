@@ -48,7 +48,7 @@ class Sampling:
 
     def _check_exposure(self) -> None:
         if self.exposure_s > self.period_s * (1.0 + 1e-12):
-            raise ValueError(f"exposure_s must be at most the period {self.period_s!r} s, found {self.exposure_s!r}")
+            raise ValueError(f"exposure_s must be at most the period {self.period_s:.4g} s, found {self.exposure_s!r}")
         if 0.0 < self.exposure_s < 2.0 * self.plant_step_s * (1.0 - 1e-12):
             least = math.ceil(2.0 * self.period_s / self.exposure_s - 1e-9)
             raise ValueError(
