@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 
 from bender_hil.log.journal import Journal, read_journal
 from bender_hil.runner.control_law import LONGEST_DT_S, Memory, decide
+from bender_hil.runner.foreign_program import ForeignLoop
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.loop import ControlLoop, LoopEnd, LoopSettings
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
@@ -20,6 +23,7 @@ from bender_loop.control import pid
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile, Step
 from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.process.watched import WatchedController
 
 IMAGE = np.zeros((4, 4), np.uint8)
 
@@ -195,6 +199,24 @@ def test_the_law_keeps_to_limits_and_slew(readings: list[tuple[float, float]], s
         memory = decide(Gains(2.0, 50.0, 0.1, 0.01), Limits(), slew, memory, 10.0, measured, dt)
         assert 0.0 <= memory.command_V <= 50.0
         assert abs(memory.command_V - before) <= slew * min(dt, LONGEST_DT_S) + 1e-9
+
+
+@given(
+    wanted_V=st.lists(st.floats(-1e300, 1e300), min_size=1, max_size=30),
+    dt_s=st.floats(1e-3, 1.0), slew_V_per_s=st.floats(1.0, 1e4), lower_V=st.floats(-50.0, 0.0),
+)  # fmt: skip
+def test_anybodys_controller_keeps_to_limits_and_slew_and_has_its_way_within_them(
+    wanted_V: list[float], dt_s: float, slew_V_per_s: float, lower_V: float
+):
+    said = iter(wanted_V)
+    controller = cast(WatchedController, SimpleNamespace(step=lambda *_: next(said)))
+    loop = ForeignLoop(Step(1.0), controller, Limits(lower_V, 50.0), slew_V_per_s, 0.03, 1.0)
+    most_V, before_V = slew_V_per_s * min(dt_s, LONGEST_DT_S), 0.0
+    for wanted in wanted_V:
+        found_V = loop.decide(0.0, dt_s, 2.0).voltage_V
+        assert found_V == min(max(wanted, before_V - most_V, lower_V), before_V + most_V, 50.0)
+        before_V = found_V
+        assert loop.decide(0.0, dt_s, None).voltage_V == before_V
 
 
 def test_the_staircase_is_that_of_the_paper():

@@ -340,6 +340,19 @@ def test_readings_that_scatter_at_a_still_command_end_the_run(scatter_um: float,
     assert any(trips) == ends
 
 
+@pytest.mark.parametrize(
+    ("to_and_fro_V", "ends"), [(0.0, True), (0.5, True), (-0.5, True), (0.51, False), (-0.6, False)]
+)
+def test_a_command_stands_still_as_long_as_it_stays_within_half_a_volt(to_and_fro_V: float, ends: bool):
+    check = NoiseCheck(55.0, lambda: 0.02)
+    rng = np.random.default_rng(3)
+    trips = []
+    for tick in range(100):
+        sight = Sight(tick, 0.033 * tick, 0, 20.0 + 3.0 * float(rng.standard_normal()), 1.0, None, None)
+        trips.append(check.see(sight, Decision(30.0 + to_and_fro_V * (tick // 10 % 2), None)))
+    assert any(trips) == ends
+
+
 def test_a_moving_tip_does_not_scatter():
     check = NoiseCheck(55.0, lambda: 0.02)
     for tick in range(300):

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from emulated_bench import ScriptedLink
@@ -36,6 +37,7 @@ from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
+from bender_hil.supply.stream import _AT_ONCE, MessageStream, SerialStream
 from bender_loop.errors import InputError
 
 pytest.importorskip("pyvisa_py")
@@ -426,3 +428,31 @@ def test_a_queue_is_emptied_of_what_was_in_it_and_one_without_an_end_is_a_fault(
         with pytest.raises(ComplaintError, match="asked 32 times"):
             supply.arm(BOUNDS)
     link.finish()
+
+
+@pytest.mark.parametrize(("timeout_s", "told_ms"), [(0.2, 200.0), (0.0, 1.0), (-1.0, 1.0)])
+def test_a_backend_with_deadlines_of_its_own_is_told_them_and_never_waits_for_ever(timeout_s: float, told_ms: float):
+    class Resource:
+        timeout = math.nan
+        written: bytes = b""
+
+        def write_raw(self, data: bytes) -> None:
+            self.written = data
+
+        def read_raw(self) -> bytes:
+            return b"30.0\n"
+
+    resource = Resource()
+    stream = MessageStream(resource)
+    stream.send(b"MEAS:VOLT?\n", timeout_s)
+    assert (resource.timeout, resource.written) == (pytest.approx(told_ms), b"MEAS:VOLT?\n")
+    resource.timeout = math.nan
+    assert stream.some(timeout_s) == b"30.0\n"
+    assert resource.timeout == pytest.approx(told_ms)
+
+
+@pytest.mark.parametrize(("waiting", "asked"), [(0, 1), (1, 1), (17, 17), (10**6, _AT_ONCE)])
+def test_a_serial_port_is_read_for_what_waits_there_and_waited_on_for_one_byte(waiting: int, asked: int):
+    port = SimpleNamespace(in_waiting=waiting, read=lambda count: bytes(count))
+    assert len(SerialStream(port, 0.05, 0.25).some(0.25)) == asked
+    assert (port.timeout, port.write_timeout) == (0.05, 0.25)
