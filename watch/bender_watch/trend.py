@@ -68,13 +68,11 @@ class Trends:
         sums: (n, 7) of stretches: rows, times, z0 z0, z0 z1, z1 z1, z0 e, z1 e.
         size: rows of a stretch.
         breaks: rows behind which gain and offset are others at once.
-        astray: (2,) by how much level and gain vary from stretch to stretch of a device that stands.
     """
 
     sums: Array = field(default_factory=lambda: np.zeros((0, 7)))
     size: int = ROWS_OF_A_STRETCH
     breaks: list[int] = field(default_factory=list[int])
-    astray: Array = field(default_factory=lambda: np.zeros(2))
 
     def add(self, time_s: Array, innovations: Array, level: Array, gain: Array) -> None:
         """Add judged rows (n,): innovations, and what 1 um of offset and a gain of 1 would add to them."""
@@ -141,7 +139,6 @@ class Trends:
             names: of those that are looked at.
         """
         times, values, errors, parts = self.estimates()
-        errors = np.hypot(errors, self.astray)
         if times.size < FEWEST_STRETCHES + (int(parts[-1]) if parts.size else 0):
             return []
         at = np.eye(int(parts[-1]) + 1)[parts]
@@ -154,12 +151,12 @@ class Trends:
 
     def state(self) -> dict[str, Any]:
         """Return what is remembered."""
-        return {"sums": self.sums.tolist(), "size": self.size, "breaks": self.breaks, "astray": self.astray.tolist()}
+        return {"sums": self.sums.tolist(), "size": self.size, "breaks": self.breaks}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state."""
         self.sums, self.size = np.array(state["sums"]).reshape(-1, 7), int(state["size"])
-        self.breaks, self.astray = list(state["breaks"]), np.array(state["astray"])
+        self.breaks = list(state["breaks"])
 
 
 def _trend(

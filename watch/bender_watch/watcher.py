@@ -126,7 +126,6 @@ class Watcher:
         known = np.append(level_um, baseline.past)
         self._take_known(known, np.zeros((UNKNOWNS, UNKNOWNS)), *baseline.drift.at_the_end())
         self.history = History(len(baseline.tests.names))
-        self.trends.astray = np.maximum(self.trends.astray, baseline.astray)
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""

@@ -111,7 +111,6 @@ class Baseline:
         beginning: what came before a record; here at the end of the training record.
         past: (COUNT,) amplitudes of what came before the training record.
         drift: of level and gain, that is followed.
-        astray: (2,) by how much level in um and gain vary from block to block of the training record, beyond noise.
         grows_only: (j,) signatures of effects that are there or not, with one sign only.
     """
 
@@ -132,7 +131,6 @@ class Baseline:
     beginning: Beginning
     past: Array
     drift: Drift
-    astray: Array
 
     @property
     def signatures(self) -> Signatures:
@@ -253,9 +251,7 @@ def learn(
     scales = np.where(sizes > 0.0, noise_um / np.where(sizes > 0.0, sizes, 1.0), 0.0)
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
-    z, e = white.of(shapes * scales), white.clipped(residual)
-    astray = _astray(z, e)
-    tests = _tests(titles, white, z, e, astray, shapes * scales, sides, rows_between_false_alarms)
+    tests = _tests(titles, white, residual, shapes * scales, sides, rows_between_false_alarms)
     if drifts:
         covariance = _covariance_of_slopes(white.of(columns), deviations, scales, tests)
         drift = replace(drift, slopes=found[-SLOPES:], covariance=covariance)
@@ -266,7 +262,7 @@ def learn(
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
         jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
-        np.array(only or [False] * len(titles)), beginning, found[2:-SLOPES], drift, (astray * scales)[:2],
+        np.array(only or [False] * len(titles)), beginning, found[2:-SLOPES], drift,
     )  # fmt: skip
     tell("holding the tests against the training record itself")
     return _quiet_on_training(baseline, residual, shapes * scales, usable, spread)
@@ -310,11 +306,11 @@ def _distinct_signatures(
 
 
 def _tests(
-    titles: tuple[str, ...], white: "_Whitened", z: Array, e: Array, astray: Array, signatures: Array, sides: Mask,
-    rows: float,
-) -> Tests:  # fmt: skip
-    count = int(white.kept.sum())
-    allowances = np.sqrt(astray**2 + 1.0 / np.maximum(np.sum(z**2, axis=0), 1e-12))
+    titles: tuple[str, ...], white: "_Whitened", residual: Array, signatures: Array, sides: Mask, rows: float
+) -> Tests:
+    z, count = white.of(signatures), int(white.kept.sum())
+    e = np.clip(np.nan_to_num(white.innovations(residual)), -CLIP, CLIP)
+    allowances = np.sqrt(_astray(z, e) ** 2 + 1.0 / np.maximum(np.sum(z**2, axis=0), 1e-12))
     doubt = doubt_of_noise(white.noise, signatures, count, np.random.default_rng(SEED))
     tests = make_tests(titles, allowances, doubt, sides, rows, float(doubt[0]), doubt_of_variance(count))
     colours = np.column_stack([np.append(np.zeros(k), e[:-k]) for k in range(1, len(COLOURS) + 1)])
@@ -427,10 +423,6 @@ class _Whitened:
     def of(self, columns: Array) -> Array:
         """Return whitened columns (n, j), 0 where a row does not count."""
         return np.column_stack([np.nan_to_num(self.innovations(x)) for x in columns.T])
-
-    def clipped(self, residual: Array) -> Array:
-        """Return clipped innovations (n,), 0 where a row does not count."""
-        return np.clip(np.nan_to_num(self.innovations(residual)), -CLIP, CLIP)
 
     def innovations(self, column: Array) -> Array:
         """Return a whitened column (n,), NaN where a row does not count."""
