@@ -7,14 +7,17 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
+from bender_hil.live import stop_button
 from bender_hil.log.read_run import read_run
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -59,6 +62,51 @@ def _page_server(run: int) -> int:
     found = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
     lines = [line.split(None, 2) for line in found.splitlines()]
     return next(int(pid) for pid, parent, words in lines if parent == str(run) and "page_server" in words)
+
+
+@contextlib.contextmanager
+def hanging_button(script: str) -> Iterator[str]:
+    """The address of a page whose STOP goes to a process that takes the request and never answers."""
+    url = ""
+    is_over = threading.Event()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            told = f'window.benderLive = {{stopUrl: "{url}/stop"}};'
+            own = f'<p id="stop-said"></p><button id="stop">STOP</button><script>{told}{script}</script>'
+            page = own if script else stop_button.PAGE
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.end_headers()
+            self.wfile.write(page.encode())
+
+        def do_POST(self) -> None:
+            is_over.wait(60.0)
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Keep quiet."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    url = f"http://127.0.0.1:{server.server_address[1]}"
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield url
+    finally:
+        is_over.set()
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.mark.parametrize("file", ["", "page.js"])
+def test_a_button_that_hangs_is_said_to_give_no_answer(file: str):
+    script = Path(stop_button.__file__).with_name(file).read_text(encoding="utf-8") if file else ""
+    with hanging_button(script) as address, browser() as chromium:
+        page = chromium.new_page()
+        page.goto(address)
+        page.keyboard.press("Space")
+        page.wait_for_function("document.body.innerText.includes('STOP is being said')", timeout=10_000)
+        page.wait_for_function("document.body.innerText.includes('press OUTPUT OFF at the source')", timeout=20_000)
 
 
 def test_stop_by_the_space_bar_while_the_pages_server_hangs(tmp_path):

@@ -26,6 +26,8 @@
       picture.dataset.frame = last;
     }
   }
+  // the button's process answers within a second; one that hangs must not keep anybody waiting
+  const patienceMs = 2500;
   let pressed = false;
   const end = () => { const facts = document.querySelector(".facts"); return facts ? facts.dataset.end || "" : ""; };
   function say(words) {
@@ -39,7 +41,7 @@
     pressed = false;
     say("STOP is being said …");
     try {
-      const answer = await fetch(settings.stopUrl, { method: "POST" });
+      const answer = await fetch(settings.stopUrl, { method: "POST", signal: AbortSignal.timeout(patienceMs) });
       say((await answer.json()).said);
     } catch (error) {
       const before = end() ? "the run is over (" + end() + "), and nobody hears STOP any more; if in doubt" :
