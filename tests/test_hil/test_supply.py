@@ -182,38 +182,32 @@ def test_a_number_is_finite_or_refused(text: str):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "nan", "inf", "1,2", "1 2", "0x1", "1_0", "1e999", "-1E999", "12.3V", "?2.5", '0,"No error"', "１"]
+    ("read", "text", "value"),
+    [
+        (parse.switch, "0", False), (parse.switch, "1", True), (parse.switch, " on ", True),
+        (parse.switch, "OFF", False),
+        *((parse.complaint, x, None) for x in ('0,"No error"', "0", "+0, No error", "0,'No error'")),
+        *((parse.complaint, x, x) for x in ('-113,"Undefined header"', "-222", "110,Self test")),
+    ],
+)  # fmt: skip
+def test_switches_and_complaints_are_read(read: Callable[[str, str], object], text: str, value: object):
+    assert read("?", text) == value
+
+
+NO_NUMBERS = ["", "nan", "inf", "1,2", "1 2", "0x1", "1_0", "1e999", "-1E999", "12.3V", "?2.5", '0,"No error"', "１"]
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        *((parse.number, x) for x in NO_NUMBERS),
+        *((parse.switch, x) for x in ("", "2", "00", "1.0", "yes", "-1")),
+        *((parse.complaint, x) for x in ("", "12.5", "No error", "B&K Precision, 9115, 1, 2")),
+    ],
 )
-def test_what_is_no_number_is_refused(text: str):
+def test_what_is_no_answer_is_refused(read: Callable[[str, str], object], text: str):
     with pytest.raises(BadReplyError):
-        parse.number("MEAS:VOLT?", text)
-
-
-@pytest.mark.parametrize(("text", "on"), [("0", False), ("1", True), (" on ", True), ("OFF", False)])
-def test_switch(text: str, on: bool):
-    assert parse.switch("OUTP?", text) is on
-
-
-@pytest.mark.parametrize("text", ["", "2", "00", "1.0", "yes", "-1"])
-def test_what_is_no_switch_is_refused(text: str):
-    with pytest.raises(BadReplyError):
-        parse.switch("OUTP?", text)
-
-
-@pytest.mark.parametrize("text", ['0,"No error"', "0", "+0, No error", "0,'No error'"])
-def test_no_complaint(text: str):
-    assert parse.complaint("SYST:ERR?", text) is None
-
-
-@pytest.mark.parametrize("text", ['-113,"Undefined header"', "-222", "110,Self test"])
-def test_complaint(text: str):
-    assert parse.complaint("SYST:ERR?", text) == text
-
-
-@pytest.mark.parametrize("text", ["", "12.5", "No error", "B&K Precision, 9115, 1, 2"])
-def test_what_is_no_complaint_is_refused(text: str):
-    with pytest.raises(BadReplyError):
-        parse.complaint("SYST:ERR?", text)
+        read("?", text)
 
 
 def test_the_emulator_is_known_by_its_serial_number():

@@ -26,35 +26,25 @@ from bender_loop.tables.quantities import USUAL
 VERSION = 'fmiVersion="2.0"'
 
 
-def test_missing_file(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere.fmu: no such file"):
-        FmuPlant(tmp_path / "nowhere.fmu")
-
-
-def test_a_folder_is_no_fmu(tmp_path):
-    with pytest.raises(InputError, match="a folder, expected an FMU; FMUs in it: none"):
-        FmuPlant(tmp_path)
-
-
-def test_a_folder_of_fmus_is_said_to_be_one(tmp_path):
-    (tmp_path / "Plant.fmu").write_bytes(b"")
-    with pytest.raises(InputError, match=r"a folder, expected an FMU; FMUs in it: Plant\.fmu"):
-        read_description(tmp_path)
-
-
-@pytest.mark.parametrize("data", [b"", b"not a zip archive", b"PK\x03\x04 and then nothing"])
-def test_not_an_archive(tmp_path, data):
-    path = tmp_path / "text.fmu"
-    path.write_bytes(data)
-    with pytest.raises(InputError, match="not a zip archive or damaged"):
-        FmuPlant(path)
-
-
-def test_truncated_archive(lag_fmu, tmp_path):
-    path = tmp_path / "half.fmu"
-    path.write_bytes(lag_fmu.read_bytes()[:100_000])
-    with pytest.raises(InputError, match="damaged"):
-        FmuPlant(path)
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nowhere.fmu", "no such file"),
+        ("none", "a folder, expected an FMU; FMUs in it: none"),
+        ("some", r"a folder, expected an FMU; FMUs in it: Plant\.fmu"),
+        *((x, "not a zip archive or damaged") for x in ("empty.fmu", "text.fmu", "begun.fmu")),
+        ("half.fmu", "damaged"),
+    ],
+)
+def test_what_is_no_archive_is_refused(lag_fmu, tmp_path, name, message):
+    (tmp_path / "none").mkdir()
+    (tmp_path / "some").mkdir()
+    (tmp_path / "some" / "Plant.fmu").touch()
+    texts = {"empty": b"", "text": b"not a zip archive", "begun": b"PK\x03\x04 and then nothing"}
+    for other, data in (texts | {"half": lag_fmu.read_bytes()[:100_000]}).items():
+        (tmp_path / f"{other}.fmu").write_bytes(data)
+    with pytest.raises(InputError, match=message):
+        FmuPlant(tmp_path / name)
 
 
 @pytest.mark.parametrize("entry", [b"modelDescription.xml", b".py", b".so"])
@@ -68,36 +58,31 @@ def test_archive_with_flipped_bytes(lag_fmu, tmp_path, entry):
         FmuPlant(path, input_name="u", output_name="y")
 
 
-def test_no_model_description(edited):
-    path = edited(rename=lambda name: None if name == "modelDescription.xml" else name)
-    with pytest.raises(InputError, match=r"no modelDescription.xml"):
-        FmuPlant(path)
+def without_description(name: str) -> str | None:
+    return None if name == "modelDescription.xml" else name
 
 
-def test_model_description_that_is_no_xml(edited):
-    with pytest.raises(InputError, match="not well-formed"):
-        FmuPlant(edited(("<ModelVariables>", "<ModelVariables")))
+def for_another_platform(name: str) -> str:
+    return name.replace(f"binaries/{fmpy.platform}", "binaries/amiga500")
 
 
-def test_model_description_that_makes_no_sense(edited):
-    with pytest.raises(InputError, match=r"modelDescription.xml cannot be used"):
-        FmuPlant(edited(('valueReference="0"', 'valueReference="first"')))
-
-
-@pytest.mark.parametrize("version", ["1.0", "4.0", "2.1"])
-def test_other_fmi_version(edited, version):
-    with pytest.raises(InputError, match=rf"found FMI version {version}, expected 2.0 or 3.0"):
-        FmuPlant(edited((VERSION, f'fmiVersion="{version}"')))
-
-
-def test_model_exchange_only(edited):
-    with pytest.raises(InputError, match="found a model-exchange FMU, expected co-simulation"):
-        FmuPlant(edited(("<CoSimulation", "<ModelExchange")))
-
-
-def test_no_binary_for_this_platform(edited):
-    with pytest.raises(InputError, match=r"no binary binaries/.* found binaries for amiga500, win"):
-        FmuPlant(edited(rename=lambda name: name.replace(f"binaries/{fmpy.platform}", "binaries/amiga500")))
+@pytest.mark.parametrize(
+    ("changes", "rename", "message"),
+    [
+        ((), without_description, r"no modelDescription.xml"),
+        ((), for_another_platform, r"no binary binaries/.* found binaries for amiga500, win"),
+        ((("<ModelVariables>", "<ModelVariables"),), str, "not well-formed"),
+        ((('valueReference="0"', 'valueReference="first"'),), str, r"modelDescription.xml cannot be used"),
+        ((("<CoSimulation", "<ModelExchange"),), str, "found a model-exchange FMU, expected co-simulation"),
+        *(
+            (((VERSION, f'fmiVersion="{x}"'),), str, rf"found FMI version {x}, expected 2.0 or 3.0")
+            for x in ("1.0", "4.0", "2.1")
+        ),
+    ],
+)
+def test_what_is_no_fmu_of_ours_to_run_is_refused(edited, changes, rename, message):
+    with pytest.raises(InputError, match=message):
+        FmuPlant(edited(*changes, rename=rename))
 
 
 def test_a_binary_that_is_none(edited, tmp_path, monkeypatch):

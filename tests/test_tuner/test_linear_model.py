@@ -1,17 +1,27 @@
+"""Linear models of plants: learned about an operating point, sampled, in matrices of few states."""
+
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, tf2ss
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import cont2discrete, dlti, dstep, tf2ss
 
-from bender_loop.control.pid import UNLIMITED, Limits
+from bender_loop.control.pid import UNLIMITED, Gains, Limits
 from bender_loop.control.plant import Plant
 from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError
 from bender_tuner.model.linear_model import OperatingPoint, find_operating_point, linearise, linearise_at, settle
+from bender_tuner.model.loop_transfer import DelayedPlant, controller_response
+from bender_tuner.model.margins import margins
+from bender_tuner.model.python_control import controller_polynomials, to_control
+from bender_tuner.model.sampled_model import SampledModel, model_from_step
 from bender_tuner.model.scaled_plant import ScaledPlant
+from bender_tuner.model.state_space import TOLERANCE, realise
 
 LIMITS = Limits(0.0, 50.0)
 SAMPLING = Sampling(30.0)
@@ -154,3 +164,165 @@ def test_a_plant_that_rests_in_its_play_is_linearised_by_a_step_that_leaves_it()
 def test_a_plant_without_play_keeps_the_small_step():
     model = linearise_at(WithPlay(0.8, 0.0, rests_in_the_middle=False), 10.0, Sampling(30.0), LIMITS).model
     assert model.dc_gain_um_per_V == pytest.approx(0.8)
+
+
+PERIOD = 0.02
+FREQUENCIES = np.geomspace(0.1, math.pi / PERIOD, 40)
+
+
+def discrete(numerator: list[float], denominator: list[float], count: int) -> tuple[Any, np.ndarray]:
+    """A transfer function in z and its unit step response at samples 0..count-1, by scipy."""
+    responses: Any = dstep((numerator, denominator, PERIOD), n=count)[1]
+    return dlti(numerator, denominator, dt=PERIOD), np.squeeze(responses[0])
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator"),
+    [
+        ([0.5], [1.0, -0.9]),
+        ([0.4, 0.1], [1.0, -1.2, 0.52]),
+        ([0.8, -0.75], [1.0, -0.97, 0.0]),
+        ([0.3], [1.0, 0.0, 0.0]),
+    ],
+)
+@pytest.mark.parametrize("count", [60, 400])
+def test_frequency_response_of_known_systems(numerator: list[float], denominator: list[float], count: int) -> None:
+    system, step = discrete(numerator, denominator, count)
+    model = model_from_step(PERIOD, step)
+    expected = system.freqresp(FREQUENCIES * PERIOD)[1]
+    assert model.frequency_response(FREQUENCIES) == pytest.approx(expected, abs=2e-4)
+    assert model.dc_gain_um_per_V == pytest.approx(sum(numerator) / sum(denominator), rel=1e-3)
+
+
+def test_a_relaxation_cut_off_halfway_is_continued() -> None:
+    system, step = discrete([0.8, -0.79], [1.0, -0.995, 0.0], 100)
+    model = model_from_step(PERIOD, step)
+    assert model.tail_ratio == pytest.approx(0.995, rel=1e-9)
+    assert model.frequency_response(FREQUENCIES) == pytest.approx(system.freqresp(FREQUENCIES * PERIOD)[1], rel=1e-9)
+    longer = discrete([0.8, -0.79], [1.0, -0.995, 0.0], 300)[1]
+    assert model.step_response(300) == pytest.approx(longer, rel=1e-9)
+
+
+def test_an_integrating_plant_is_recognised() -> None:
+    system, step = discrete([0.5], [1.0, -1.0], 50)
+    model = model_from_step(PERIOD, step)
+    assert model.tail_ratio == 1.0
+    assert model.dc_gain_um_per_V == math.inf
+    assert model.frequency_response(FREQUENCIES) == pytest.approx(system.freqresp(FREQUENCIES * PERIOD)[1], rel=1e-9)
+
+
+def test_ringing_and_noise_have_no_tail() -> None:
+    k = np.arange(1, 80)
+    assert model_from_step(PERIOD, np.append(0.0, np.cumsum(0.97**k * np.cos(0.9 * k)))).tail_ratio == 0.0
+    noise = np.random.default_rng(2).normal(size=80)
+    assert model_from_step(PERIOD, np.cumsum(noise)).tail_ratio == 0.0
+
+
+def test_uniform_response_is_the_frequency_response() -> None:
+    model = model_from_step(PERIOD, discrete([0.4, 0.1], [1.0, -1.2, 0.52], 200)[1])
+    uniform = model.uniform_response(256)
+    omega = math.pi / PERIOD * np.arange(257) / 256
+    assert uniform[1:] == pytest.approx(model.frequency_response(omega[1:]), abs=1e-12)
+    assert uniform[0] == pytest.approx(model.dc_gain_um_per_V)
+    with pytest.raises(ValueError, match="intervals must exceed"):
+        model.uniform_response(99)
+
+
+@given(factor=st.floats(0.01, 100.0))
+def test_scaling_the_plant_scales_its_response(factor: float) -> None:
+    model = SampledModel(PERIOD, np.array([0.5, 0.2, 0.1]), 0.5)
+    assert model.scaled(factor).frequency_response(FREQUENCIES) == pytest.approx(
+        factor * model.frequency_response(FREQUENCIES), rel=1e-12
+    )
+    assert model.scaled(factor).dc_gain_um_per_V == pytest.approx(factor * model.dc_gain_um_per_V)
+
+
+def test_a_delay_of_the_step_delays_the_model() -> None:
+    step = discrete([0.5], [1.0, -0.9], 200)[1]
+    early, late = model_from_step(PERIOD, step), model_from_step(PERIOD, np.append([0.0, 0.0, 0.0], step))
+    turned = early.frequency_response(FREQUENCIES) * np.exp(-3j * FREQUENCIES * PERIOD)
+    assert late.frequency_response(FREQUENCIES) == pytest.approx(turned, abs=1e-7)
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ValueError, match="period_s"):
+        SampledModel(0.0, np.ones(3))
+    with pytest.raises(ValueError, match="pulse_um_per_V"):
+        SampledModel(PERIOD, np.array([1.0, math.nan]))
+    with pytest.raises(ValueError, match="pulse_um_per_V"):
+        SampledModel(PERIOD, np.array([]))
+    with pytest.raises(ValueError, match="tail_ratio"):
+        SampledModel(PERIOD, np.ones(3), 1.1)
+
+
+def test_a_model_keeps_its_own_copy() -> None:
+    pulse = np.ones(3)
+    model = SampledModel(PERIOD, pulse)
+    pulse[0] = 7.0
+    assert model.dc_gain_um_per_V == 3.0
+    with pytest.raises(ValueError, match="read-only"):
+        model.pulse_um_per_V[0] = 1.0
+
+
+PERIOD_S = 0.02
+SAMPLES = np.arange(300)
+SWINGING = 0.1 * 0.9**SAMPLES * np.cos(0.7 * SAMPLES) + 0.3 * 0.8**SAMPLES
+GAINS = Gains(0.4, 5.0, 0.01, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("pulse", "ratio", "latency", "states"),
+    [
+        (SWINGING, 0.0, 0, 3),
+        (SWINGING, 0.0, 2, 5),
+        (SWINGING[:30] + 0.01 * 0.99 ** SAMPLES[:30], 0.99, 0, 31),
+        (0.2 * 0.8 ** SAMPLES[:60] + 0.1, 1.0, 0, 2),
+        (0.3 * 0.5 ** SAMPLES[:20], 0.5, 1, 2),
+        (np.concatenate((SWINGING, np.zeros(300))), 0.0, 0, 3),
+    ],
+    ids=["modes", "late", "slow tail", "integrating", "quick tail", "long"],
+)
+def test_few_states_give_the_same_step(pulse: np.ndarray, ratio: float, latency: int, states: int):
+    model = SampledModel(PERIOD_S, pulse, ratio)
+    found = realise(model, latency)
+    assert found.error <= TOLERANCE
+    assert found.A.shape[0] <= states
+    assert np.max(np.abs(np.linalg.eigvals(found.A))) <= 1.0 + 1e-9
+    x, readings = np.zeros((found.A.shape[0], 1)), []
+    for _ in range(120):
+        readings.append(float((found.C @ x)[0, 0]))
+        x = found.A @ x + found.B
+    wanted = np.concatenate((np.zeros(latency), model.step_response(120)))[:120]
+    assert readings == pytest.approx(wanted, abs=2e-3 * float(np.max(np.abs(wanted))))
+
+
+@pytest.mark.parametrize(
+    "gains", [GAINS, Gains(0.4, 0.0, 0.01, 0.05), Gains(0.4, 5.0), Gains(0.0, 5.0), Gains(0.4, 0.0)]
+)
+def test_the_polynomials_are_the_controller(gains: Gains):
+    omega = np.pi / PERIOD_S * np.array([0.01, 0.3, 0.9])
+    numerator, denominator = controller_polynomials(gains, PERIOD_S)
+    z = np.exp(1j * omega * PERIOD_S)
+    assert np.polyval(numerator, z) / np.polyval(denominator, z) == pytest.approx(
+        controller_response(gains, PERIOD_S, omega)
+    )
+
+
+def test_without_python_control_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(InputError, match=r"not installed; install it with: python -m pip install control"):
+        to_control(GAINS, DelayedPlant(SampledModel(PERIOD_S, SWINGING), 1))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning")
+def test_python_control_finds_our_margins():
+    control = pytest.importorskip("control", reason="needs the extra control")
+    plant = DelayedPlant(SampledModel(PERIOD_S, SWINGING), 1)
+    systems = to_control(GAINS, plant)
+    ours = margins(GAINS, plant)
+    # over frequency: the roots of its polynomials lose a crossing on some processors
+    omega = np.geomspace(0.05, 0.999 * np.pi / PERIOD_S, 2000)
+    gain_margin, phase_deg, modulus, *_ = control.stability_margins(control.FRD(systems.loop, omega, smooth=True))
+    assert gain_margin == pytest.approx(ours.gain_margin, rel=1e-2)
+    assert phase_deg == pytest.approx(ours.phase_margin_deg, rel=1e-2)
+    assert 1.0 / modulus == pytest.approx(ours.sensitivity_peak, rel=1e-2)

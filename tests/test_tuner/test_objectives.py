@@ -1,14 +1,16 @@
-"""Objectives, ensemble and report on plants whose answer is known."""
+"""What a search judges: objectives and ensemble, the box that is searched, plants drawn at random."""
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from few import few
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bender_loop.control.closed_loop import simulate
 from bender_loop.control.pid import Gains, Limits
@@ -18,7 +20,14 @@ from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError
 from bender_tuner.model.ensemble import Ensemble, build_ensemble
-from bender_tuner.model.monte_carlo import BENDER_PARAMETERS, Variation, run_monte_carlo
+from bender_tuner.model.monte_carlo import (
+    BENDER_PARAMETERS,
+    Variation,
+    draw_plants,
+    is_unstable,
+    run_monte_carlo,
+    uniform,
+)
 from bender_tuner.model.reduced_model import reduce_model
 from bender_tuner.results.report import robustness_report
 from bender_tuner.rules.simc import simc
@@ -228,3 +237,165 @@ def test_report_is_json_even_for_an_unstable_loop(ensemble: Ensemble) -> None:
     table = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     assert table["worst_sensitivity_peak"] is None
     assert len(table["cases"]) == 6
+
+
+CENTER = Gains(0.25, 6.0, 0.002, filter_time_s=0.07)
+UNIT = st.floats(0.0, 1.0)
+GAIN = st.floats(1e-6, 1e4)
+
+
+def test_the_centre_is_the_guess_and_the_edges_lie_the_decades_away() -> None:
+    space = SearchSpace(CENTER, decades=2.0)
+    assert space.to_gains([0.5, 0.5, 0.5]) == CENTER
+    edge = space.to_gains([1.0, 0.0, 0.5])
+    assert edge.proportional_V_per_um == pytest.approx(25.0)
+    assert edge.integral_V_per_um_s == pytest.approx(0.06)
+    assert edge.filter_time_s == 0.07
+
+
+@given(x=st.tuples(UNIT, UNIT, UNIT))
+def test_points_come_back_from_their_gains(x: tuple[float, float, float]) -> None:
+    space = SearchSpace(CENTER)
+    assert space.from_gains(space.to_gains(x)) == pytest.approx(np.array(x), abs=1e-12)
+
+
+@given(factor=st.floats(0.05, 20.0), x=st.tuples(UNIT, UNIT, UNIT))
+def test_scaling_the_centre_scales_all_gains(factor: float, x: tuple[float, float, float]) -> None:
+    scaled = Gains(0.25 * factor, 6.0 * factor, 0.002 * factor)
+    one, other = SearchSpace(CENTER).to_gains(x), SearchSpace(scaled).to_gains(x)
+    assert other.integral_V_per_um_s == pytest.approx(factor * one.integral_V_per_um_s)
+    assert other.derivative_V_s_per_um == pytest.approx(factor * one.derivative_V_s_per_um)
+
+
+def test_gains_outside_the_box_lie_outside_and_zero_infinitely_far() -> None:
+    x = SearchSpace(CENTER).from_gains(Gains(0.0, 6.0, 0.2))
+    assert x[0] == -math.inf
+    assert x[1] == pytest.approx(0.5)
+    assert x[2] > 1.0
+
+
+@pytest.mark.parametrize("x", [[0.5, 0.5], [0.5, 0.5, 1.01], [-0.01, 0.5, 0.5], [0.5, math.nan, 0.5]])
+def test_points_outside_the_cube_are_refused(x: list[float]) -> None:
+    with pytest.raises(ValueError, match="x must"):
+        SearchSpace(CENTER).to_gains(x)
+
+
+def test_a_last_digit_beyond_the_edge_is_the_edge() -> None:
+    space = SearchSpace(CENTER)
+    assert space.to_gains([1.0 + 1e-12, 0.0, 0.0]) == space.to_gains([1.0, 0.0, 0.0])
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ValueError, match=r"center\.proportional_V_per_um must be > 0"):
+        SearchSpace(Gains(0.0, 1.0, 1.0))
+    with pytest.raises(ValueError, match="decades"):
+        SearchSpace(CENTER, decades=0.0)
+    with pytest.raises(ValueError, match="scale"):
+        RawSpace((1.0, 0.0, 1.0))
+
+
+@given(gains=st.tuples(GAIN, GAIN, GAIN))
+def test_raw_space_is_linear_and_without_upper_bound(gains: tuple[float, float, float]) -> None:
+    space = RawSpace((2.0, 10.0, 0.5))
+    found = space.to_gains(np.array(gains) / np.array([2.0, 10.0, 0.5]))
+    assert found.proportional_V_per_um == pytest.approx(gains[0])
+    assert space.from_gains(found) == pytest.approx(np.array(gains) / np.array([2.0, 10.0, 0.5]))
+    assert found.derivative_on_error
+    assert found.filter_time_s == 0.0
+
+
+def test_raw_space_has_no_gains_below_zero() -> None:
+    with pytest.raises(ValueError, match="integral_V_per_um_s"):
+        RawSpace().to_gains([0.1, -0.1, 0.0])
+
+
+class Recorder:
+    """A static plant that notes its parameters."""
+
+    def __init__(self) -> None:
+        self.parameters: list[Mapping[str, float]] = []
+
+    def set_parameters(self, parameters: Mapping[str, float]) -> None:
+        self.parameters.append(dict(parameters))
+
+    def reset(self) -> None:
+        pass
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        return 0.8 * voltage_V
+
+    def close(self) -> None:
+        pass
+
+
+VARIATION = Variation(parameters={"lag": uniform(0.01, 0.1), "unknown": uniform(1.0, 1.0)})
+
+
+def test_draws_cover_their_ranges_and_follow_the_seed() -> None:
+    draws = draw_plants(VARIATION, 300, np.random.default_rng(5))
+    assert draws == draw_plants(VARIATION, 300, np.random.default_rng(5))
+    factors = [draw.gain_factor for draw in draws]
+    assert 0.7 <= min(factors) < 0.72
+    assert 1.28 < max(factors) <= 1.3
+    assert {draw.latency_frames for draw in draws} == {1, 2}
+    assert all(0.01 <= draw.parameters["lag"] <= 0.1 for draw in draws)
+    assert len({draw.seed for draw in draws}) > 290
+
+
+def test_every_plant_gets_its_parameters(experiment: StepExperiment) -> None:
+    plant, seen = Recorder(), []
+    result = run_monte_carlo(
+        plant,
+        SIMC,
+        experiment,
+        VARIATION.only({"lag"}),
+        20,
+        np.random.default_rng(5),
+        progress=lambda done, count: seen.append((done, count)),
+    )
+    assert plant.parameters == [outcome.draw.parameters for outcome in result.outcomes]
+    assert all(set(parameters) == {"lag"} for parameters in plant.parameters)
+    assert seen == [(done, 20) for done in range(1, 21)]
+
+
+def test_stable_and_unstable_plants_are_counted(experiment: StepExperiment) -> None:
+    # a static plant of gain g, one frame late: z^2 (z - 1) + g ((kp + ki T) z - kp)
+    longer = replace(experiment, duration_s=6.0)
+    plant = Recorder()
+    variation = Variation(latencies_frames=(1,), noise_um=0.0)
+    calm = run_monte_carlo(plant, SIMC, longer, variation, 60, np.random.default_rng(1))
+    assert calm.unstable == 0
+    assert calm.quantile("settling_time_s", 0.95) < 2.0
+    brisk = run_monte_carlo(plant, Gains(1.0, 1.0), longer, variation, 60, np.random.default_rng(1))
+    for outcome in brisk.outcomes:
+        gain = 0.8 * outcome.draw.gain_factor
+        largest = float(np.max(np.abs(np.roots([1.0, -1.0, gain * (1.0 + 1.0 / 30.0), -gain]))))
+        if abs(largest - 1.0) > 0.02:
+            assert outcome.unstable == (largest > 1.0)
+    assert 0 < brisk.unstable < 60
+    assert brisk.quantile("settling_time_s", 1.0) == math.inf
+
+
+def trace_of(displacement_um: np.ndarray, *, diverged: bool = False) -> Trace:
+    time = np.arange(displacement_um.size) / 30.0
+    return Trace(time, np.full_like(time, 10.0), displacement_um, displacement_um, displacement_um, diverged)
+
+
+def test_what_counts_as_unstable() -> None:
+    time = np.arange(180) / 30.0
+    assert not is_unstable(trace_of(10.0 - 10.0 * np.exp(-time / 3.0)), 10.0, 0.0)
+    assert not is_unstable(trace_of(10.0 - 10.0 * np.exp(-time) * np.cos(9.0 * time)), 10.0, 0.0)
+    assert is_unstable(trace_of(10.0 + np.cos(9.0 * time)), 10.0, 0.0)
+    assert not is_unstable(trace_of(10.0 + np.cos(9.0 * time)), 10.0, 0.5)
+    assert is_unstable(trace_of(10.0 + 0.0 * time, diverged=True), 10.0, 0.0)
+
+
+def test_variation_is_checked() -> None:
+    with pytest.raises(ValueError, match="latencies_frames"):
+        Variation(latencies_frames=())
+    with pytest.raises(ValueError, match="noise_um"):
+        Variation(noise_um=-1.0)
+    with pytest.raises(ValueError, match="lower"):
+        uniform(2.0, 1.0)
+    with pytest.raises(ValueError, match="count"):
+        draw_plants(VARIATION, 0, np.random.default_rng(0))
