@@ -4,6 +4,7 @@ import functools
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -147,6 +148,16 @@ def test_a_gain_that_fades_is_one_trend_behind_few_alarms() -> None:
     # 2 % in 600 s: 5 % are gone 900 s from now
     assert gain.leaves_low_s <= 900.0 <= (gain.leaves_high_s or np.inf)
     assert gain.leaves_low_s > 650.0
+
+
+def test_of_what_goes_astray_on_the_training_record_itself_no_trend_is_told() -> None:
+    training, baseline = learned()
+    watcher = Watcher(MODEL, training, replace(baseline, raised=("gain_error",)), HOW)
+    rows = Rows.of(recorded(2, 12_000, 0.05))
+    events = [*watcher.begin_record("own", rows), *watcher.take(rows.part(slice(0, 1024)))]
+    assert not [x for x in events if x["event"] == "trend"]
+    watcher.trends = trends_of(COURSES["straight"], 20_000, 1)
+    assert [x.name for x in watcher.trend()] == ["offset"]
 
 
 def test_a_corrected_model_does_not_cut_a_trend(monkeypatch: pytest.MonkeyPatch) -> None:

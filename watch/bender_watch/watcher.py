@@ -209,7 +209,12 @@ class Watcher:
 
     def trend(self) -> list[Trend]:
         """Return the trends of gain and offset so far, relative to the first baseline."""
-        return self.trends.trends(self.settings.tolerance, self._stroke_um)
+        return self.trends.trends(self.settings.tolerance, self._stroke_um, names=self._steady)
+
+    @property
+    def _steady(self) -> list[str]:
+        """What has a trend: none of that for which the training record itself is beyond the thresholds."""
+        return [x for x, test in zip(OF, ("gain_error", "offset"), strict=True) if test not in self.baseline.raised]
 
     @property
     def _stroke_um(self) -> float:
@@ -620,7 +625,7 @@ class Watcher:
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""
-        if not (untold := [x for x in OF if x not in self._told]):
+        if not (untold := [x for x in self._steady if x not in self._told]):
             return
         # they are looked at again and again: of all looks together, no more are wrong than of the tests
         wrong = min(0.5 * STRETCH / self.settings.rows_between_false_alarms, 1.0 - SIGNIFICANT)
