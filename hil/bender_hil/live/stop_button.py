@@ -25,7 +25,8 @@ button{width:90vw;height:60vh;margin:5vh auto;font-size:18vw;background:#c01c28;
 </style><button id="stop">STOP</button><p id="said" role="status"></p><script>
 const said = document.getElementById("said");
 function stop() { said.textContent = "STOP is being said";
-  fetch(location.pathname.replace(/\\/$/, "") + "/stop", {method: "POST", signal: AbortSignal.timeout(2500)}).then(x => x.json())
+  const place = location.pathname.replace(/\\/$/, "") + "/stop";
+  fetch(place, {method: "POST", signal: AbortSignal.timeout(2500)}).then(x => x.json())
     .then(x => { said.textContent = x.said; })
     .catch(() => { said.textContent = "no answer: press OUTPUT OFF at the source"; }); }
 document.getElementById("stop").onclick = stop;
