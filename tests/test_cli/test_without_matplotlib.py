@@ -42,6 +42,7 @@ def test_a_command_writes_its_figures_and_says_how_pictures_come(words, written,
     assert found == set(written)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_says_that_its_report_has_no_pictures(capsys):
     assert main(["diagnose", str(RECORD), "--out", "out"]) == 0
     assert capsys.readouterr().out.count(SENTENCE) == 1

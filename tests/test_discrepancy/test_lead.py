@@ -319,6 +319,7 @@ def test_the_block_reads_every_term_of_the_library() -> None:
             )
 
 
+@pytest.mark.slow
 def test_it_is_fitted_anew_where_a_diagnosis_goes_on(relaxed: SearchResult) -> None:
     """What a journal told of the hypothesis without the equation is not told of the one with it."""
     own = own_form(relaxed.base)

@@ -60,7 +60,7 @@ def run_of(fmu: Path, folder: Path, sent_s: list[float]) -> list[float]:
     return commands
 
 
-@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.floats(1e-4, 0.03), min_size=12, max_size=12))
 def test_a_replay_gives_the_same_bits_whenever_commands_acted(model_fmu: Path, tmp_path: Path, sent_s: list[float]):
     folder = tmp_path / "run"

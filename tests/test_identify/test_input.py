@@ -36,6 +36,7 @@ def recorded(drive: np.ndarray, read: np.ndarray, rng: np.random.Generator) -> R
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(st.integers(0, 10_000), st.floats(0.3, 3.0))
 def test_noise_through_a_lag_is_read_as_what_it_was(seed: int, rows_per_lag: float):

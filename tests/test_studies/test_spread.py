@@ -108,6 +108,7 @@ def test_what_is_left_of_a_loop_is_the_gap_between_its_two_ways():
     assert loop_percent(record, 5.0) == pytest.approx(100.0 * 0.2 / 8.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_first_benches_hide_every_effect_alone_and_most_of_them_in_pairs():
     benches = list(islice(hidden_benches(EFFECTS, 66001), 2 * len(EFFECTS)))
     assert {x.effect_ids for x in benches if len(x.effects) == 1} == {(name,) for name in EFFECTS}
