@@ -204,14 +204,14 @@ class Stage:
         if rest is None or is_over:
             self.journal.write("recovered", "the runs before the interruption are enough", folder=folder.name)
             if not records:
-                raise TrippedError(f"{folder.name}: an earlier sitting was ended here; look at the bench, start anew")
+                raise TrippedError(
+                    f"{folder.name}: this run has ended and left no record; look at the bench, start anew"
+                )
             return records
         following = self._next_earlier(f"{name}-rest")
         if following is not None:
             return [*records, *self._taken_up(following, f"{name}-rest", rest)]
-        why = (
-            f"an earlier sitting was ended after {max(reached_s, 0.0):.1f} s of {folder.name}: only the rest is played"
-        )
+        why = f"{folder.name} was interrupted after {max(reached_s, 0.0):.1f} s: only the rest is played"
         return [*records, self._played(f"{name}-rest", rest, why)]
 
 

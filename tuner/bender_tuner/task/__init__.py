@@ -10,6 +10,7 @@
 | `objectives` | objectives: gains to one number that a search makes small, with what stands behind it |
 | `practitioner` | the practitioner's objective: quick tracking that survives a wrong gain and a late frame |
 | `problem` | a plant and settings made into a tuning problem |
+| `recommendation` | whether a model is followed: shapers and horizons beside the PID block alone and the rules |
 | `search_space` | where an optimiser's point in the unit cube becomes a set of gains |
 | `session` | one tuning from the FMU file to the files in the output directory |
 | `settings` | what a tuning is asked to do, checked when it is made |
