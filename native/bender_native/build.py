@@ -30,6 +30,7 @@ from bender_export.system import Loop, closed_loop_archive
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress
+from bender_loop.shell.run import doing
 from bender_native.compilers import PLATFORMS, Platform, chosen, compiled, universal
 from bender_native.description import build_description, fmi2_description, fmi3_description
 from bender_native.following_source import following_source
@@ -92,6 +93,7 @@ def native_plant_fmu(model: Model, made: Way, own: bool = False) -> bytes:
         TranslationError: a kernel has a construct that the translator does not know; says which, where.
         RunError: the compiler failed.
     """
+    doing("translating the blocks of the plant to C")
     sources = source_files(plant_source(model), plant_source(model, dual=True), made.fmi)
     guid = _guid(sources, repr(model.to_table()))
     return _archive("PiezoBender", sources, plant_parts(model, guid), made, own)
@@ -153,6 +155,7 @@ def native_controller_fmu(made: Way, loop: Loop | None = None) -> bytes:
         RunError: the compiler failed.
     """
     loop = loop or Loop()
+    doing("translating the PID block to C")
     plain, dual = (controller_source(x, loop.controller) for x in (False, True))
     sources = source_files(plain, dual, made.fmi)
     guid = _guid(sources, f"controller {dict(loop.controller)} {loop.step_s}")

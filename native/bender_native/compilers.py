@@ -19,6 +19,7 @@ from bender_loop.errors import InputError, RunError
 from bender_loop.shell.cache import cache_folder
 from bender_loop.shell.extras import install_command
 from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.run import doing
 
 # small is as fast here as quick: a step is a few calls of libm
 FLAGS = ("-std=c99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-w")
@@ -158,6 +159,7 @@ def _key(files: Mapping[str, bytes], name: str, target: Platform, more: Sequence
 def _compiled(
     files: Mapping[str, bytes], name: str, target: Platform, compiler: Sequence[str], more: Sequence[str]
 ) -> bytes:
+    doing(f"compiling {name} for {target.name} with {Path(compiler[0]).name}")
     with tempfile.TemporaryDirectory(prefix="bender_native_") as folder:
         place = Path(folder)
         for file, data in files.items():

@@ -9,7 +9,9 @@ from few import few
 from bender_export.build import ensure_plant_fmu
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.shell.run import Run, running
 from bender_native import compilers, ready
+from bender_native.build import Way, native_reference_fmu
 from bender_native.compilers import compiled, own_compiler, own_platform
 from bender_native.ready import ready_plant_fmu
 from bender_plant.model import load_model
@@ -46,6 +48,15 @@ def test_it_is_built_once_and_anew_for_another_model(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(ready, "native_plant_fmu", None)
     assert ready_plant_fmu("paper") == first
     assert len(list(own_cache.glob("*.fmu"))) == 2
+
+
+@needs_compiler
+def test_what_a_first_build_waits_for_has_a_name():
+    own = own_platform()
+    assert own is not None
+    with running(Run("bender fmu build --native")) as run:
+        native_reference_fmu(Way(2, (own,)))
+    assert run.doing.startswith(f"compiling StaircaseReference for {own.name} with ")
 
 
 @pytest.mark.slow

@@ -16,6 +16,13 @@ STYLE = """
 .findings td, .findings th { text-align: left; vertical-align: top; white-space: normal; overflow-wrap: anywhere; }
 .findings th:nth-child(1) { width: 22%; } .findings th:nth-child(2) { width: 5.5em; }
 .remark td:nth-child(2) { color: var(--caution); } .failed td:nth-child(2) { color: var(--without); font-weight: 600; }
+@media (max-width: 40rem) {
+  .findings tr:first-child { display: none; }
+  .findings tr, .findings td { display: block; }
+  .findings td { border: 0; padding: 0; } .findings td:empty { display: none; }
+  .findings td:first-child { font-weight: 600; }
+  .findings tr { border-bottom: 1px solid var(--rule); padding: .5rem 0; }
+}
 """
 
 
