@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -131,6 +132,19 @@ def test_a_spare_that_cannot_be_started_is_an_alarm_and_no_failure(error: Except
     ended = way.make_safe(SETTINGS)
     assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
     assert way.is_lost
+
+
+@pytest.mark.parametrize(
+    ("said", "has_tripped"),
+    [([], False), (["alive"], False), (["alive", "alive"], False), (["alive", "tripped"], True), (["end"], True)],
+)
+def test_a_guard_that_says_more_than_that_it_is_alive_has_ended_the_run(said: list[str], has_tripped: bool):
+    waiting = [{"say": word} for word in said]
+    guard = object.__new__(GuardProcess)
+    guard._channel = SimpleNamespace(receive=lambda _: waiting.pop(0) if waiting else None)  # pyright: ignore
+    guard._way, guard._end = WayDown(SETTINGS, start_process), None
+    assert guard.has_tripped() == has_tripped
+    assert guard._end == ({"say": "end"} if "end" in said else None)
 
 
 def test_a_guard_that_ends_well_is_believed(scripted: Callable[..., list]):

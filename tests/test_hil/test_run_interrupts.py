@@ -234,3 +234,12 @@ def test_two_spellings_of_an_address_are_one_supply(
         pass
     with sole_run("TCPIP1::192.168.1.7::5025::SOCKET", Path("a")), sole_run("TCPIP::192.168.1.7::5025::SOCKET", Path()):
         pass
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="links and owners of POSIX")
+def test_a_link_in_the_place_of_the_folder_of_locks_is_not_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / f"bender-hil-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
+    with sole_run(None, Path("a")):
+        assert list((tmp_path / "elsewhere").iterdir()) == []
