@@ -139,10 +139,7 @@ def test_every_crest_of_a_slow_sine_is_no_news(device: Any) -> None:
     """Each excursion that is said asks for twice as many rows inside before the next one is."""
     training = read_record(device.training)
     baseline = learn(load_model("beam"), training, HOW.rows_between_false_alarms)
-    watcher, time = (
-        Watcher(load_model("beam"), training, baseline, HOW),
-        baseline.interval_s * np.arange(8_000, dtype=np.float64),
-    )
+    watcher, time = Watcher(load_model("beam"), training, baseline, HOW), baseline.interval_s * np.arange(8_000.0)
     known = baseline.range
     volts = 0.5 * (known.low_V + known.high_V) + 0.6 * (known.high_V - known.low_V) * np.sin(np.arange(8_000) / 100.0)
     rows = Rows(time, volts, np.full(8_000, np.nan), None)
