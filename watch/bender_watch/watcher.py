@@ -105,6 +105,7 @@ class Watcher:
     _inside: int = field(default=0, init=False)
     _inside_again: int = field(default=INSIDE_AGAIN, init=False)
     _told: set[str] = field(default_factory=set, init=False)
+    _raised: set[str] = field(default_factory=set, init=False)
     _silent_rows: int = field(default=0, init=False)
     _silent_after: int = field(init=False)
     _repeats: float = field(init=False)
@@ -126,6 +127,7 @@ class Watcher:
         known = np.append(level_um, baseline.past)
         self._take_known(known, np.zeros((UNKNOWNS, UNKNOWNS)), *baseline.drift.at_the_end())
         self.history = History(len(baseline.tests.names))
+        self._raised |= set(baseline.raised)
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""
@@ -214,7 +216,7 @@ class Watcher:
     @property
     def _steady(self) -> list[str]:
         """What has a trend: none of that for which the training record itself is beyond the thresholds."""
-        return [x for x, test in zip(OF, ("gain_error", "offset"), strict=True) if test not in self.baseline.raised]
+        return [x for x, test in zip(OF, ("gain_error", "offset"), strict=True) if test not in self._raised]
 
     @property
     def _stroke_um(self) -> float:
@@ -228,7 +230,8 @@ class Watcher:
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "is_outside": self._is_outside,
             "inside": [self._inside, self._inside_again], "behind_s": self._behind_s, "clock_s": self._clock_s,
-            "told": sorted(self._told), "trends": self.trends.state(), "moved": self._moved.tolist(),
+            "told": sorted(self._told), "raised": sorted(self._raised),
+            "trends": self.trends.state(), "moved": self._moved.tolist(),
             "deviations": self._deviations.tolist(),
             "silence": [self._silent_rows, self._silent_after, self._repeats],
             "offset_um": self.baseline.offset_um, "drifts": self.baseline.drift.is_followed,
@@ -256,7 +259,7 @@ class Watcher:
         self._unjudged, self._is_outside = facts["unjudged"], facts["is_outside"]
         self._inside, self._inside_again = facts["inside"]
         self._behind_s, self._clock_s = facts["behind_s"], facts["clock_s"]
-        self._told, self._moved = set(facts["told"]), np.array(facts["moved"])
+        self._told, self._raised, self._moved = set(facts["told"]), set(facts["raised"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
         self._silent_rows, self._silent_after, self._repeats = facts["silence"]
         self.trends.restore(facts["trends"])
