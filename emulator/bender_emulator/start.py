@@ -101,6 +101,8 @@ class EmulatedSupply(ClosedAtExit):
             if time.perf_counter() > end_s:
                 raise RunError(f"somebody is connected to the emulated supply for more than {_LEAVE_S:g} s")
             time.sleep(0.01)
+        # who was connected may have said something since
+        self.power_on()
 
     def close(self) -> None:
         """End the process."""
