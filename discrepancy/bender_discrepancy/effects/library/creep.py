@@ -16,14 +16,14 @@ COVERED = {
 SLOWEST_s, QUICKEST_PART = 400.0, 0.01
 """Of a spectrum: its slowest relaxation, and the largest part of that which its quickest one may be."""
 LARGEST = 1.0
-"""Gain of one relaxation: what goes on by more than the step itself does not creep after it, it follows as a lag."""
+"""Gain of one relaxation, or of two together: what goes on by more than the step itself follows as a lag."""
 
 
 def _relaxations(count: int, sizes: Sizes) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=values[:count], time_constants_s=values[count:])
 
-    gains = tuple(growth(f"gains[{k + 1}]", 0.02, LARGEST) for k in range(count))
+    gains = tuple(growth(f"gains[{k + 1}]", 0.02, LARGEST / count) for k in range(count))
     low_s, high_s = _spanned_s(sizes)
     low_s, high_s = min(low_s, 0.02), max(high_s, 1e3)
     middles = ((0.1, 0.4, 1.5, 6.0, 25.0, 100.0),) if count == 1 else ((0.2, 1.0), (4.0, 40.0))
