@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,9 +40,12 @@ from bender_discrepancy.search.moves import (
 )
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.search import Searched, improved, parsimonious, with_named_numbers
-from bender_discrepancy.workflow import candidate_forms
-from bender_loop.records.record import Record
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import candidate_forms, search_records
+from bender_identify.first_model.structures import Structure
+from bender_loop.records.record import Record, read_record
 from bender_plant.model import load_model
+from bender_proving.devices.record import draw
 
 PAPER = load_model("paper")
 LAG = ("source_resistance", (0.06,))
@@ -80,6 +84,20 @@ def test_a_fit_is_made_once(search: SearchResult) -> None:
     assert first is not None
     assert archive.not_scanned(first, forms) == list(forms)
     assert archive.not_scanned(first, forms) == []
+
+
+def test_forms_are_scanned_again_once_readings_are_set_aside() -> None:
+    record = record_of(effects=LAGGING)
+    read = record.displacement_um.copy()
+    read[[20, 45]] += 400.0
+    told_of = told([replace(record, displacement_um=read)], hypothesis(PAPER, [record], LAG))
+    archive, forms = Archive(told_of.problem), catalogue_of(told_of).kits[0].forms[:3]
+    leader = archive.fit(told_of.best.hypothesis)
+    assert leader is not None
+    archive.not_scanned(leader, forms)
+    again = archive.set_aside(leader)
+    assert not np.any(archive.problem.observations[0].usable[[20, 45]])
+    assert archive.not_scanned(again, forms) == list(forms)
 
 
 def test_blocks_are_predicted_as_fits_without_them_predict_them(search: SearchResult) -> None:
@@ -452,3 +470,15 @@ def test_numbers_without_a_name_stay_free() -> None:
     assert rest is not None
     assert [x.name for x in rest.form.free] == ["bending_modes.damping_ratio"]
     assert part_without_named(free.hypothesis.own, {"tip_mass", "structural_damping"}) is None
+
+
+@pytest.mark.slow
+def test_what_a_simple_form_leaves_is_a_richer_form_and_no_further_effect(tmp_path: Path) -> None:
+    """Stops in a row behind two misreadings: a loop of few numbers left what a curve of the reading took up."""
+    strange = draw(430012)
+    strange.write(tmp_path / "first.csv", 0)
+    first = Structure().model((), 17.183)
+    found = search_records(first, [read_record(tmp_path / "first.csv")], Settings())
+    certain = [x.id for x in found.grades.effects if x.grade == "certain"]
+    assert certain
+    assert set(certain) <= strange.device.right_names

@@ -184,6 +184,8 @@ class Archive:
         fits[id(leader)] = again
         self.fits = list(fits.values())
         self._starts = {k: None if x is None else fits.get(id(x), x) for k, x in self._starts.items()}
+        # what forms promised, they promised with the readings that do not count any more
+        self._scanned.clear()
         self._predictions.clear()
 
 

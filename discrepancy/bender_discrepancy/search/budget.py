@@ -23,7 +23,7 @@ class Budget:
         hopeless: times the least square so far; a fit does not make up for that after its start.
         enough: part of the square that a step may leave; one that takes off more is made on the leader alone.
         behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
-        flexible: part of what a simple form removes, by which a flexible one must promise more.
+        flexible: part of what the simple forms leave, by which a flexible one must promise less.
         finalists: hypotheses that are fitted again without the ends of the records.
         leaders: such hypotheses of other forms, where the best one is worse there than no effect at all.
         turns: rounds in which effects are replaced by better ones.

@@ -79,7 +79,7 @@ def _from_scan(archive: Archive, scan: Scan, known: Sequence[Fitted]) -> list[Fi
     found = archive.add(parallel_map(lambda x: fit(problem, x.hypothesis), simple))
     best = min((x.training_square for x in found), default=math.inf)
     best = min(best, before)
-    flexible = [x for x in _leaders(rough, parent) if x.is_flexible and _is_worth_it(archive, x, parent, best)]
+    flexible = [x for x in _leaders(rough, parent) if x.is_flexible and _is_worth_it(archive, x, best)]
     found += archive.add(parallel_map(lambda x: fit(problem, x.hypothesis), flexible))
     found += archive.add(parallel_map(lambda x: fit(problem, x), _elsewhere(archive, found, rough)))
     # what stays behind is kept as it is: it is a rival all the same
@@ -185,12 +185,16 @@ def _leaders(rough: Sequence[Rough], parent: Fitted) -> list[Rough]:
     return [x for own in list(forms.values())[:most] for x in own]
 
 
-def _is_worth_it(archive: Archive, rough: Rough, parent: Fitted, simple_square: float) -> bool:
-    """Return whether a flexible form promises noise alone, or less than the form of a simple one may leave anyway."""
+def _is_worth_it(archive: Archive, rough: Rough, simple_square: float) -> bool:
+    """Return whether a flexible form promises noise alone, or clearly less than the simple ones leave above it.
+
+    What is left is held against what would take it up next: another effect, which takes as little for itself.
+    """
     rows = sum(int(x.training.sum()) for x in archive.problem.observations)
-    if rough.square <= rows * (BUDGET.nearly_done * archive.noise_um) ** 2 or math.isinf(simple_square):
+    nearly_noise = rows * (BUDGET.nearly_done * archive.noise_um) ** 2
+    if rough.square <= nearly_noise or math.isinf(simple_square):
         return True
-    return simple_square - rough.square > BUDGET.flexible * (parent.training_square - simple_square)
+    return simple_square > nearly_noise and rough.square < (1.0 - BUDGET.flexible) * simple_square
 
 
 def _elsewhere(archive: Archive, found: Sequence[Fitted], rough: Sequence[Rough]) -> list[Hypothesis]:
