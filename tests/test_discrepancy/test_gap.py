@@ -64,6 +64,22 @@ def test_a_long_record_is_judged_to_its_end_though_the_fmu_is_driven_at_its_begi
     assert found.gap.after.all_rms_um < 0.03
 
 
+@pytest.mark.parametrize(("most_substeps", "is_driven"), [(gap.MOST_SUBSTEPS, False), (1.0, True)])
+def test_coarse_sub_steps_that_disagree_are_made_fine_where_memory_allows(
+    monkeypatch: pytest.MonkeyPatch, most_substeps: float, is_driven: bool
+) -> None:
+    model = load_model("beam")
+    times = np.arange(400) / 100.0
+    drive = Drive(times, times, 20.0 * np.sin(40.0 * times), linear=True, smooth=True)
+    exact = Simulator(drive).run(model).reading_um
+    noise_um = 1e-4 * np.random.default_rng(2).standard_normal(exact.size)
+    monkeypatch.setattr(gap, "MOST_SUBSTEPS", most_substeps)
+    beyond = gap._simulated_beyond(model, drive, exact[:100], exact + noise_um)
+    assert (beyond is None) == is_driven
+    if beyond is not None:
+        np.testing.assert_allclose(beyond, exact[100:], atol=1e-9)
+
+
 VOLTS = np.array([0.0, 10.0, 30.0, 5.0, 5.0, 0.0])
 RECORD = Record(np.linspace(0.0, 0.25, VOLTS.size), VOLTS, np.zeros(VOLTS.size))
 

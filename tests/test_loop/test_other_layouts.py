@@ -235,7 +235,7 @@ def test_binary_containers(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_damaged_containers_are_told_in_one_line(tmp_path: Path):
+def test_damaged_containers_are_refused_in_one_line(tmp_path: Path):
     rng = random.Random(4)
     for path in _containers(tmp_path):
         whole = path.read_bytes()

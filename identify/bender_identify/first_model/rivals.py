@@ -214,7 +214,7 @@ def _residuals(
     task: FitTask, structure: Structure, values: Sequence[float], effect: str, part: dict[str, Any],
     masks: Sequence[Mask],
 ) -> list[Array] | None:  # fmt: skip
-    """Return what is left (n,) of every record, gain and offsets solved for; None where it cannot be simulated."""
+    """Return the residual (n,) of every record, gain and offsets fitted; None where it cannot be simulated."""
     try:
         readings = task.readings(structure.model(values).with_block(effect, **part))
     except (ModelError, ArithmeticError):

@@ -105,7 +105,7 @@ class Lines:
         self.heading = Heading.of(state["heading"])
 
     def _whole(self, data: bytes, is_all: bool) -> bytes:
-        """Return whole lines, and keep what is left of the one that is still being written."""
+        """Return the complete lines, and keep the beginning of one that is still being written."""
         data = self._rest + data
         if is_all:
             whole, self._rest = data + (b"" if data.endswith(b"\n") or not data else b"\n"), b""

@@ -38,11 +38,14 @@ from bender_loop.records.between_rows import Exposed
 from bender_loop.records.record import Record
 from bender_loop.shell.files import write_atomically
 from bender_plant.model import Model
+from bender_plant.plant import sub_step_bounds_s
 
 # differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
 SAME_um, SAME_OF_FLOOR = 1e-5, 1e-2
 MOST_STEPS = 50_000
 """Of the FMU of one record: a longer one is driven so far, and simulated from there if both agreed until then."""
+MOST_SUBSTEPS = 5e6
+"""Of one simulation with the sub-steps of the FMU; memory grows with them."""
 SETTLES_ROWS = 100
 """Commands that are kept beyond the last row that is read, so that a smooth course there is that of the record."""
 
@@ -321,11 +324,12 @@ def _driven(
 def _simulated_beyond(model: Model, drive: Drive, begun: Array, measured_um: Array) -> Array | None:
     """Return what is simulated of a record beyond what an FMU was driven with; None where both differ until there.
 
-    Sub-steps are longer than those of the FMU where these already agree.
+    Sub-steps are longer than those of the FMU where these already agree; a record that needs too many is driven.
     """
     rows = begun.size
     most_um = max(SAME_um, SAME_OF_FLOOR * _rms_um(begun - measured_um[:rows]))
-    for coarser in (COARSER, 1.0):
+    substeps = drive.row_time_s.size + float(np.ptp(drive.row_time_s)) / sub_step_bounds_s(model)[1]
+    for coarser in (COARSER, 1.0) if substeps <= MOST_SUBSTEPS else (COARSER,):
         simulated = Simulator(drive, coarser=coarser).run(model).reading_um
         if _rms_um(begun - simulated[:rows]) <= most_um:
             return simulated[rows:]
