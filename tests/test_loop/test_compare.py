@@ -229,6 +229,42 @@ def test_one_step_of_the_command_is_no_jump_however_late_it_is_answered(late_row
     assert zero_move(Record(np.linspace(0.0, 20.0, 200), command, read)) is None
 
 
+@pytest.mark.parametrize("height", [-40.0, 30.0])
+def test_a_jump_of_about_the_stroke_is_told_where_the_command_turns_often(height: float) -> None:
+    record = answering(np.random.default_rng(5), 600, 4.0, 0.05)
+    later = np.where(np.arange(600) >= 310, height, 0.0)
+    found = zero_move(Record(record.time_s, record.voltage_V, record.displacement_um + later))
+    assert found is not None
+    assert found.height_um == pytest.approx(height, abs=1.0)
+
+
+def test_a_valve_that_slips_once_is_no_sensor() -> None:
+    """A command that goes down and up once cannot tell a slip from a jump of the reading."""
+    command = np.concatenate([np.full(100, 25.0), np.linspace(25.0, 23.0, 100), np.linspace(23.0, 25.0, 100)])
+    command += 0.05 * np.random.default_rng(1).standard_normal(300)
+    read = np.where(np.arange(300) < 205, 102.0, 99.0) + 0.2 * np.random.default_rng(2).standard_normal(300)
+    assert zero_move(Record(10.0 * np.arange(300.0), command, read)) is None
+
+
+def test_a_jump_while_the_command_rests_is_the_sensor_s() -> None:
+    command = np.repeat([0.0, 10.0], [60, 140])
+    read = 5.0 * lfilter([0.3], [1.0, -0.7], command) / 3.0 + 0.01 * np.sin(np.arange(200.0))
+    later = np.where(np.arange(200) >= 130, 40.0, 0.0)
+    found = zero_move(Record(np.linspace(0.0, 20.0, 200), command, read + later))
+    assert found is not None
+    assert found.row == 130
+    assert found.height_um == pytest.approx(40.0, abs=0.05)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 6), st.floats(0.0, 0.05), st.floats(0.0, 0.3))
+@examples(max_examples=30)
+def test_friction_that_turns_with_the_motion_is_no_jump(seed: int, turned: int, noise: float, slope: float) -> None:
+    position = np.concatenate([np.linspace(*((0.0, 1.0) if k % 2 == 0 else (1.0, 0.0)), 80) for k in range(turned + 1)])
+    force = slope * position + np.sign(np.gradient(position))
+    force += noise * np.random.default_rng(seed).standard_normal(force.size)
+    assert zero_move(Record(0.01 * np.arange(force.size), position, force)) is None
+
+
 class Lag:
     """gain / (tau s + 1), stepped exactly."""
 

@@ -167,7 +167,8 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     variance = float(np.mean(together**2)) * share
     slopes = columns(problem, fitted, readings, [x.training for x in problem.observations])
     inverse = _covariance(slopes)
-    covariance = variance * inverse
+    # what the records do not determine stays open, however little is left of them
+    covariance = np.where(np.isfinite(inverse), variance * np.where(np.isfinite(inverse), inverse, 0.0), inverse)
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = np.sqrt(np.nan_to_num(sandwich(slopes, inverse, together) / np.diag(covariance), posinf=1.0))
     wider = np.maximum(wider, 1.0)
