@@ -194,7 +194,7 @@ def answering(rng: np.random.Generator, rows: int, lag_rows: float, noise: float
 
 
 @given(
-    st.integers(0, 10**6), st.integers(200, 900), st.floats(0.5, 8.0), st.floats(0.3, 0.7), st.floats(8.0, 1e4),
+    st.integers(0, 10**6), st.integers(400, 900), st.floats(0.5, 8.0), st.floats(0.3, 0.7), st.floats(8.0, 1e4),
     st.sampled_from((-1.0, 1.0)),
 )  # fmt: skip
 @examples(max_examples=25)

@@ -35,6 +35,8 @@ ANSWERED = 5.0
 """Over the spread of readings at rest, how far these lie from where they were before the last change."""
 LAGS = 8
 """Means of the command over 1, 2, 4, ... rows, beside which the height is fitted."""
+ROWS_PER_NUMBER = 10
+"""Of that fit, from which on what it leaves says how far commands explain the readings."""
 
 
 def without_zero_move(record: Record) -> Record:
@@ -56,8 +58,7 @@ def zero_move(record: Record) -> ZeroMove | None:
     columns = _answers_to_commands(record.voltage_V, rows)
     # a jump is one of many changes, so that these tell what the commands do
     unmoved = read_um - columns @ _least_absolute(np.diff(columns, axis=0), np.diff(read_um))
-    changes = np.abs(np.diff(_smoothed(unmoved)))[FEWEST_ROWS - 1 : 1 - FEWEST_ROWS]
-    begin = FEWEST_ROWS + int(np.argmax(changes))
+    begin = _largest_jump(unmoved)
     jump = (np.arange(rows.size) >= begin).astype(float)
     beside = np.column_stack([jump, np.ones(rows.size), columns])
     read_um = read_um - np.median(read_um)
@@ -70,6 +71,20 @@ def zero_move(record: Record) -> ZeroMove | None:
     return ZeroMove(int(rows[begin]), height_um)
 
 
+def _largest_jump(unmoved_um: Array) -> int:
+    """Return the place behind the largest jump, single readings apart."""
+    near = FEWEST_ROWS // 2
+    changes = np.abs(np.diff(_smoothed(unmoved_um)))[FEWEST_ROWS - 1 : 1 - FEWEST_ROWS]
+    about = FEWEST_ROWS + int(np.argmax(changes))
+    # an outlying reading beside a jump moves it in the smoothed readings
+    few = ISOLATED_ROWS // 2
+    around = unmoved_um[about - near : about + near]
+    to_low = np.abs(around - np.median(around[: near - few]))
+    to_high = np.abs(around - np.median(around[near + few :]))
+    costs = [float(to_low[: near + k].sum() + to_high[near + k :].sum()) for k in range(-few, few + 1)]
+    return about - few + int(np.argmin(costs))
+
+
 def _smoothed(read_um: Array) -> Array:
     even = np.lib.stride_tricks.sliding_window_view(np.pad(read_um, ISOLATED_ROWS // 2, mode="reflect"), ISOLATED_ROWS)
     return np.median(even, axis=1)
@@ -79,7 +94,8 @@ def _most_of_a_device_um(voltage_V: Array, rows: NDArray[np.intp], read_um: Arra
     """Return the highest jump that may be the device's own answer to its commands; inf where any may be."""
     row = int(rows[begin])
     before_V, after_V = voltage_V[:row], voltage_V[row:]
-    beside_rest_um = BESIDE_THE_REST * float(np.max(np.abs(_smoothed(left_um))))
+    is_told = rows.size >= ROWS_PER_NUMBER * (LAGS + 2)
+    beside_rest_um = BESIDE_THE_REST * float(np.max(np.abs(_smoothed(left_um)))) if is_told else np.inf
     if not _commands_are_alike(before_V, after_V):
         return beside_rest_um if _has_come_to_rest(voltage_V, rows, read_um, begin) else np.inf
     least_V = TURN * float(np.ptp(voltage_V))
