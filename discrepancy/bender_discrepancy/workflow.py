@@ -270,12 +270,12 @@ def conclude(
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
         share, error = (100.0 * x for x in gap.closed)
         least, effects = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
+        close = "closes" if len(found.best.hypothesis.effects) == 1 else "close"
         found = found.without_certainty(
-            f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in held-out readings, "
-            f"less than {least:.0f} %",
+            f"on held-out readings {effects} {close} {share:.0f} ± {error:.0f} % of the gap, less than {least:.0f} %",
             gap.closed[0],
         )
-        findings = with_origin(find(found), names)
+        findings = with_origin(find(found).closing(gap.closed[0]), names)
     following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
     lead = None
     if findings.verdict == "unexplained":
@@ -296,7 +296,8 @@ def _measured(
     findings = with_origin(find(found), names)
     if box is not None and box.measured is not None:
         tell("driving the corrected FMU")
-        return findings, *box.measured(found, findings)
+        measured, content = box.measured(found, findings)
+        return findings.closing(measured.closed[0]), measured, content
     tell("building the corrected FMU")
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
@@ -305,7 +306,7 @@ def _measured(
             tell(f"driving the corrected FMU{steps and f', {steps} steps'}")
 
         gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving, driver)
-        return findings, gap, fmu.read_bytes()
+        return findings.closing(gap.closed[0]), gap, fmu.read_bytes()
 
 
 def _refuted(searched: SearchResult, gap: Measured) -> str:

@@ -1,5 +1,6 @@
 """A number as it is told: value, unit, standard deviation, and what is typical."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -33,3 +34,8 @@ class Number:
     def field(self) -> str:
         """The parameter it belongs to: its name without its place in a list."""
         return self.name.partition("[")[0]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the records leave its sign open, or do not tell it at all."""
+        return math.isinf(self.std) or self.std > abs(self.value) > 0.0

@@ -193,8 +193,8 @@ def test_coarse_readings_are_named_and_simulated(tmp_path: Path):
     assert result["verdict"] == "named"
     (effect,) = result["effects"]
     assert effect["parameters"]["step_um"]["value"] == 1.5
-    # on the few reported rows the true line has 0.29: readings near the middle between two steps fall to either side
-    assert 0.1 < effect["share_of_gap"] <= 1.0
+    assert effect["share_of_gap"] == 0.0
+    assert effect["share_of_noise_floor"] == pytest.approx(1.0, abs=0.1)
     assert findings.model.values()["sensor_quantisation.step"] == 1.5
     steps = measured.after_um[0] / 1.5
     assert np.allclose(steps, np.round(steps), atol=1e-6)

@@ -47,7 +47,6 @@ class Lattice:
     Attributes:
         step_um: the step.
         coherence: how well their phases on it agree, 1 is perfect.
-        share_of_gap: part of the recalibrated residual's variance above the noise that the steps are.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
         is_named: whether all rows but the reported ones say that the steps are worth a word beside the noise.
@@ -57,7 +56,6 @@ class Lattice:
 
     step_um: float
     coherence: float
-    share_of_gap: float
     before_um: float
     after_um: float
     is_named: bool
@@ -80,11 +78,9 @@ def lattice(search: SearchResult) -> Lattice | None:
     reported = [x.reporting for x in observations]
     weighed = _weighed(search, smooth, step)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
-    above = _square(search, _readings(search, search.found.base), reported) - search.archive.noise_um**2
-    share = min((ROUNDED * step) ** 2 / above, 1.0) if above > 0.0 else 0.0
     x = observations[0]
     agreed = coherence(x.read_um[x.usable], step)
-    return Lattice(step, agreed, share, before**0.5, after**0.5, *weighed)
+    return Lattice(step, agreed, before**0.5, after**0.5, *weighed)
 
 
 def step_in_motion_um(search: SearchResult) -> float:

@@ -1,9 +1,9 @@
 """The effects that a diagnosis reports, each with its hypothesis, its share of the gap, its grade and its rivals."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
+from bender_discrepancy.conclusion.shares import closed_by, held_square_um2, shares_of_gap
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.judgement.grades import Grade, Graded, Rival
 from bender_discrepancy.search.result import SearchResult
@@ -23,7 +23,7 @@ class Contender:
         fitted: the hypothesis in which it stands.
         index: its place in that hypothesis.
         share_of_gap: part of the recalibrated residual's variance above the noise floor that it closes; those of one
-            hypothesis add up to what it closes. Of a rival: what it would close in the place of another.
+            hypothesis add up to what it closes. Of a rival: what it would close in the place of the effect.
         before_um: rms on held-out rows of the hypothesis without it, fitted again.
         after_um: the same with it.
         without: the criterion's difference to the hypothesis without it.
@@ -118,15 +118,19 @@ def alternatives(search: SearchResult, verdict: str) -> tuple[Alternative, ...]:
     return tuple(x for x in once.values() if x.closes > LEAST_TOLD)[:MOST_TOLD]
 
 
-def contenders(search: SearchResult) -> list[Contender]:
+def contenders(search: SearchResult, known_shares: Mapping[str, float] | None = None) -> list[Contender]:
     """Return the effects to report: those of the best hypothesis, then the rivals that it cannot be told from.
 
     Certain effects stand in the order of adding, others with the likeliest first.
+
+    Args:
+        search: what was found.
+        known_shares: of the gap, by effect, where they are known already.
     """
     graded = search.grades.effects
     if search.verdict.word == "likely":
         graded = tuple(sorted(graded, key=lambda x: -x.probability))
-    shares = shares_of_gap(search.archive, search.found.base, search.best)
+    shares = known_shares or shares_of_gap(search.archive, search.found.base, search.best)
     found = [_own(search, x, shares[x.id]) for x in graded]
     if search.verdict.word not in OPEN_VERDICTS or search.grades.commuting:
         return found
@@ -136,7 +140,7 @@ def contenders(search: SearchResult) -> list[Contender]:
             if rival.id not in known and len(known) < len(graded) + MOST_REPORTED:
                 known.add(rival.id)
                 index = rival.fitted.hypothesis.effects.index(rival.id)
-                found.append(_in_place(search, x, rival, index))
+                found.append(_in_place(search, x, rival, index, shares[x.id]))
     return found
 
 
@@ -149,12 +153,11 @@ def _own(search: SearchResult, graded: Graded, share: float) -> Contender:
     )  # fmt: skip
 
 
-def _in_place(search: SearchResult, graded: Graded, rival: Rival, index: int) -> Contender:
-    """Return a rival that may stand in the place of an effect of the best hypothesis."""
-    floor = search.archive.noise_um**2
-    gap, rest, left = (held_square_um2(x, search.problem) for x in (search.found.base, graded.without, rival.fitted))
-    above = gap - floor
-    share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
+def _in_place(search: SearchResult, graded: Graded, rival: Rival, index: int, replaced: float) -> Contender:
+    """Return a rival that may stand in the place of an effect of the best hypothesis, which has a share of the gap."""
+    rest, left = (held_square_um2(x, search.problem) for x in (graded.without, rival.fitted))
+    best, other = (closed_by(search.archive, search.found.base, x) for x in (search.best, rival.fitted))
+    share = min(max(replaced + other - best, 0.0), 1.0)
     beside = (Rival(graded.id, search.best, -rival.difference, -rival.deviations, rival.reach),)
     against = graded.probability_of(rival)
     return Contender(

@@ -19,11 +19,12 @@ from bender_discrepancy.conclusion.notes import (
     worse,
 )
 from bender_discrepancy.conclusion.sentences import evidence, heading_of, headline, reason
-from bender_discrepancy.conclusion.shares import held_square_um2
+from bender_discrepancy.conclusion.shares import EQUATION, OWN_NUMBERS, held_square_um2
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.records.record_names import distinct_names
+from bender_discrepancy.search.noise import as_read, floor_square_um2
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.witnesses.missing_columns import MissingColumn
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
@@ -69,7 +70,7 @@ def outcome(
         "reason": reason(findings, measured),
         "start": [x.start for x in search.problem.observations],
         "start_input": [x.rest_before_V for x in search.problem.observations],
-        "effects": [*(_effect(findings, x) for x in findings.effects), *_equation(findings, measured)],
+        "effects": [*(_effect(findings, measured, x) for x in findings.effects), *_equation(findings)],
         "alternatives": [
             {"effects": list(x.effects), "closes": round(x.closes, 4)} for x in alternatives(search, findings.verdict)
         ],
@@ -80,6 +81,9 @@ def outcome(
             "recalibrated": _gap(measured.recalibrated),
             "after": _gap(measured.after),
             "noise_floor_um": _finite(measured.floor_um),
+            "closed": None if measured.closes is None else round(measured.closes, 4),
+            "closed_std": None if measured.closes is None else round(measured.closed[1], 4),
+            "closed_by_own_numbers": round(findings.shares[OWN_NUMBERS], 4) if OWN_NUMBERS in findings.shares else None,
             "held_out": True,
         },
         "next_experiment": next_experiment.to_dict() if next_experiment else None,
@@ -138,7 +142,7 @@ def _renamed(value: Any, without_um: bool, key: str = "") -> Any:
     return None if without_um and outside else value
 
 
-def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
+def _effect(findings: Findings, measured: Measured, effect: ReportedEffect) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     x = effect.contender
     entry: dict[str, Any] = {
@@ -156,6 +160,8 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     }
     if x is not None:
         entry["delta_bic_without"] = _finite(round(x.without, 2))
+    elif findings.lattice is not None and measured.floor_um > 0.0:
+        entry["share_of_noise_floor"] = round(min((findings.lattice.share_um / measured.floor_um) ** 2, 1.0), 4)
     if effect.form:
         entry["form"] = effect.form
     if effect.by_record:
@@ -171,13 +177,12 @@ def _lead(findings: Findings, lead: Lead | None) -> dict[str, Any] | None:
     return told and told | {"in_model": findings.search.best.hypothesis.equation is not None}
 
 
-def _equation(findings: Findings, measured: Measured) -> list[dict[str, Any]]:
+def _equation(findings: Findings) -> list[dict[str, Any]]:
     """Return the equation without a name that the corrected model has, as an entry beside the effects."""
     part = findings.search.best.hypothesis.equation
     if part is None:
         return []
     block = next(x.parameters for x in findings.model.blocks if x.id == residual_equation.ID)
-    share = max(measured.closed[0], 0.0) if math.isfinite(measured.closed[0]) else 0.0
     return [
         {
             "id": SPARSE_EQUATION,
@@ -202,7 +207,7 @@ def _equation(findings: Findings, measured: Measured) -> list[dict[str, Any]]:
                 "An equation without a name: with it the model predicts blocks that its fit did not see better than "
                 "with anything of the catalogue. Outside of what the records covered it stops at the ends of that."
             ),
-            "share_of_gap": round(share, 4),
+            "share_of_gap": round(findings.shares.get(EQUATION, 0.0), 4),
             "rivals": [],
         }
     ]
@@ -239,7 +244,9 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
     worst = worst_record(search)
     if held_square_um2(base, search.problem) == 0.0:
         return []
-    found = [x.to_dict() for x in residual_ranges(observations[worst], base.residuals[worst], search.archive.noise_um)]
+    left = as_read(search.problem, base) or base.residuals
+    floor_um = math.sqrt(floor_square_um2(search.problem, search.archive.noise_um))
+    found = [x.to_dict() for x in residual_ranges(observations[worst], left[worst], floor_um)]
     if search.settings.untimed:
         found = [x for x in found if x["axis"] not in TIMED_AXES]
     return [x | {"record": worst} for x in found] if len(observations) > 1 else found

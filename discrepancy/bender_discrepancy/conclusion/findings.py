@@ -1,7 +1,7 @@
 """What a diagnosis says, made ready to be told: effects with numbers, what was recalibrated, the corrected model."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
+from bender_discrepancy.conclusion.shares import shares_of_gap, split
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
@@ -42,7 +43,6 @@ class ReportedEffect:
         numbers: of its block.
         contender: where it stands in the search; None for what was read off the record itself.
         by_record: its numbers in every record, where they differ; () otherwise. `numbers` are those of one of them.
-        read_off_share: part of the gap that it is, where it was read off the record itself.
     """
 
     id: str
@@ -50,12 +50,15 @@ class ReportedEffect:
     numbers: tuple[Number, ...]
     contender: Contender | None = field(repr=False)
     by_record: tuple[tuple[Number, ...], ...] = ()
-    read_off_share: float = 0.0
 
     @property
     def share_of_gap(self) -> float:
-        """Part of the recalibrated residual's variance above the noise floor that it closes."""
-        return self.read_off_share if self.contender is None else self.contender.share_of_gap
+        """Part of the recalibrated residual's variance above the noise floor that it closes, on held-out readings.
+
+        Those of the corrected model add up to what it closes. Steps of the sensor close nothing of it: they are part
+        of the floor.
+        """
+        return 0.0 if self.contender is None else self.contender.share_of_gap
 
     @property
     def grade(self) -> Grade:
@@ -112,6 +115,7 @@ class Findings:
         model: the corrected model.
         of_record: the record whose surroundings and offset the corrected model has: the one with the largest gap where
             records differ in their surroundings, else the first.
+        shares: of the gap, by what the corrected model has: effects, and the keys of `shares` beside them.
     """
 
     search: SearchResult
@@ -125,6 +129,7 @@ class Findings:
     lattice: Lattice | None
     model: Model
     of_record: int = 0
+    shares: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def added(self) -> tuple[ReportedEffect, ...]:
@@ -137,7 +142,7 @@ class Findings:
         if self.verdict == "named":
             return self.added
         open_ = contested(self.search)
-        return tuple(x for x in self.added if x.contender is not None and x.id not in open_)
+        return tuple(x for x in self.added if x.contender is None or x.id not in open_)
 
     @property
     def simulated(self) -> tuple[ReportedEffect, ...]:
@@ -152,6 +157,22 @@ class Findings:
         """Whether the corrected model has effects, an equation or other numbers, and not another calibration alone."""
         hypothesis = self.search.best.hypothesis
         return bool(self.simulated) or hypothesis.own is not None or hypothesis.equation is not None
+
+    def closing(self, closed: float) -> "Findings":
+        """Return them with shares of the gap that add up to what the corrected model was measured to close."""
+        shares = split(closed, self.shares)
+        return replace(self, shares=shares, effects=tuple(self._sharing(x, shares) for x in self.effects))
+
+    def _sharing(self, effect: ReportedEffect, shares: Mapping[str, float]) -> ReportedEffect:
+        x = effect.contender
+        if x is None:
+            return effect
+        share = shares.get(x.id, 0.0)
+        if x.rival_of is not None:
+            # what it would close more or less than the effect whose place it takes
+            own = shares.get(x.rival_of, 0.0)
+            share = min(max(own + x.share_of_gap - self.shares.get(x.rival_of, 0.0), 0.0), 1.0)
+        return replace(effect, contender=replace(x, share_of_gap=share))
 
     @property
     def gain_ratio(self) -> float:
@@ -192,9 +213,10 @@ def find(search: SearchResult) -> Findings:
 
     problem, open_ = determined(search.best)
     ends = interval_ends(problem, search.best, open_)
+    shares = shares_of_gap(search.archive, search.found.base, search.best)
     effects = [
         _named(search, x, determined(x.fitted)[1], ends if x.fitted is search.best else (), span, record)
-        for x in contenders(search)
+        for x in contenders(search, shares)
     ]
     coarse = lattice(search)
     quantiser = _quantiser(coarse, span)
@@ -216,6 +238,7 @@ def find(search: SearchResult) -> Findings:
         lattice=coarse,
         model=_model(search, calibration, kept, step),
         of_record=record,
+        shares=shares,
     )
 
 
@@ -263,7 +286,7 @@ def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
     if found is None or not found.is_named:
         return None
     step = number(EFFECTS[READ_OFF], "step_um", found.step_um, 0.0, span, is_scale=True)
-    return ReportedEffect(READ_OFF, None, (step,), None, read_off_share=found.share_of_gap)
+    return ReportedEffect(READ_OFF, None, (step,), None)
 
 
 def _final(searched: Verdict, quantised: bool) -> Verdict:

@@ -117,10 +117,11 @@ def _alternatives(findings: Findings) -> list[str]:
     known = alternatives(findings.search, findings.verdict)
     if not known:
         return []
-    told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)} of the gap)" for x in known]
+    told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)})" for x in known]
+    closing = "with the part of the gap that each closes in the readings that chose it"
     if findings.verdict == "recalibrated":
-        return [f"these effects, with the given parameters unchanged, fit as well: {'; '.join(told)}"]
-    return [f"the best attempts, none of them certain: {'; '.join(told)}"]
+        return [f"these effects, with the given parameters unchanged, fit as well, {closing}: {'; '.join(told)}"]
+    return [f"the best attempts, none of them certain, {closing}: {'; '.join(told)}"]
 
 
 def _unusual(effect: ReportedEffect) -> list[str]:
@@ -152,15 +153,11 @@ def _typical(number: Number) -> str:
 
 
 def _undetermined(effect: ReportedEffect) -> list[str]:
-    names = [field for field, known in fields(effect.numbers).items() if all(_is_open(x) for x in known)]
+    names = [field for field, known in fields(effect.numbers).items() if all(x.is_open for x in known)]
     if not names:
         return []
     open_ = ", ".join(names)
     return [f"{effect.id}: these records do not determine {open_}; use the corrected model only at the recorded levels"]
-
-
-def _is_open(number: Number) -> bool:
-    return not np.isfinite(number.std) or number.std > abs(number.value) > 0.0
 
 
 def _left_out(findings: Findings) -> list[str]:
@@ -382,4 +379,4 @@ def _counted(search: SearchResult) -> list[str]:
 
 def excitation_of(search: SearchResult) -> list[str]:
     """Return what every record was driven with, in words."""
-    return [describe(x.time_s, x.command_V) for x in search.whole]
+    return [describe(x.time_s, x.command_V, untimed=search.settings.untimed) for x in search.whole]

@@ -11,7 +11,7 @@ from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected, gap
-from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, chance_um2
+from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, chance_um2, closed_part
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.output_error import Fitted
@@ -31,7 +31,8 @@ def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) 
         searched: whether the search was complete, so that its verdict stands.
     """
     findings = find(search)
-    result = outcome(findings, _simulated(findings), names)
+    measured = _simulated(findings)
+    result = outcome(findings.closing(measured.closed[0]), measured, names)
     if not searched:
         unsettled = [x | {"certain": False} for x in result["effects"]]
         result |= {"sentence": _sentence(search), "reason": REASON, "effects": unsettled}
@@ -82,7 +83,10 @@ def _simulated(findings: Findings) -> Measured:
     rows = sum(int(x.sum()) for x in judged)
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     is_corrected = findings.model is not search.base
+    alone, corrected_left = ([x - y for x, y in zip(measured, z, strict=True)] for z in (recalibrated, after))
+    closed = closed_part(alone, corrected_left, judged, floor)
     return Measured(
         before, alone_left, left, floor, given, recalibrated, after,
-        judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, is_corrected=is_corrected,
+        judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, closed=closed,
+        is_corrected=is_corrected,
     )  # fmt: skip

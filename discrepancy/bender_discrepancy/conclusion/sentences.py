@@ -71,7 +71,7 @@ def headline(findings: Findings, measured: Measured) -> str:
 def _likely(findings: Findings) -> str:
     """Return the leading suspects, and how sure the first is."""
     first, *others = findings.added
-    sure = "" if first.contender is None else f" (probability {percent(first.contender.probability)})"
+    sure = "" if first.contender is None else f" (probability {chance(first.contender.probability)})"
     beside = f", with {listed([title_of(x.id) for x in others])}" if others else ""
     return f"Probably missing: {title_of(first.id)}{sure}{beside}."
 
@@ -88,11 +88,11 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
     closing = "they close" if several else "it closes"
     if own:
         closing = f"{'they' if several else 'it'} and another {own} close"
-    closed = percent(measured.closed[0])
+    told = "" if measured.closes is None else f"; {closing} {percent(measured.closes)} of the gap"
     if measured.after.rms_um**2 <= (1.0 + RULES.at_noise) * measured.floor_um**2:
         left = "On held-out readings the residual is {}; elsewhere in the record it is larger than noise"
-        return f"; {closing} {closed} of the gap. {left.format(residual(measured))}"
-    return f"; {closing} {closed} of the gap. {residual(measured)}, stays unexplained"
+        return f"{told}. {left.format(residual(measured))}"
+    return f"{told}. A residual of {residual(measured)}, is left"
 
 
 def residual(measured: Measured) -> str:
@@ -104,7 +104,7 @@ def residual(measured: Measured) -> str:
     if floor <= 0.0:
         return quantity(left, "um")
     times = figure(left / floor, 2)
-    return f"{quantity(left, 'um')}, {'as large as' if times == '1' else f'{times} times'} the noise"
+    return f"{quantity(left, 'um')}, {'as large as' if times == '1' else f'{times} times'} the noise floor"
 
 
 def reason(findings: Findings, measured: Measured) -> str:
@@ -151,7 +151,14 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
         return f"On held-out readings they differ by {quantity(after, 'um')} rms; rounding explains {steps} of it."
     else:
         return f"On held-out readings a gap of {quantity(after, 'um')} rms remains; {floor}."
-    return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}."
+    closed = measured.closes if findings.is_corrected else None
+    told = "" if closed is None else f". {percent(closed)} of the gap is closed"
+    return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}{told}."
+
+
+def chance(probability: float) -> str:
+    """Return a probability as a number from 0 to 1, so that it looks like no share: `0.74`."""
+    return "1" if probability == 1.0 else f"{min(max(probability, 0.01), 0.99):.2f}"
 
 
 def evidence(findings: Findings, effect: ReportedEffect) -> str:
@@ -160,12 +167,16 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
     if x is None:
         return _of_the_lattice(findings.lattice) if findings.lattice else ""
     decides = very_strong(findings.search.settings.confidence)
-    start = f"In the place of {x.rival_of} it closes" if x.rival_of else "It closes"
-    return _with_titles(
-        f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings{_of_those(findings)}; "
-        f"without it {quantity(x.before_um, 'um')} rms would stay, with it {quantity(x.after_um, 'um')}; "
-        f"{_beside(x, decides)}."
-    )
+    before, after = quantity(x.before_um, "um"), quantity(x.after_um, "um")
+    there = f"on held-out readings{_of_those(findings)}"
+    if x.rival_of:
+        told = f"in the place of {x.rival_of} it would close {percent(x.share_of_gap)} of the gap; "
+        told += f"{there} the residual would be {after} rms with it, {before} with neither"
+    else:
+        told = f"it closes {percent(x.share_of_gap)} of the gap; " if x.share_of_gap > 0.0 else ""
+        told += f"{there} the residual is {after} rms with it, and would be {before} without it, the rest refitted"
+    told = f"{told}; {_beside(x, decides)}."
+    return _with_titles(told[0].upper() + told[1:])
 
 
 def _of_those(findings: Findings) -> str:
@@ -186,7 +197,7 @@ _STAYS_OPEN: dict[Reach, str] = {
     "other side": "it is the same lag on the other side of the device and fits as well (within 1 % of the gap)",
     "predicts as well": "it predicts unseen readings nearly as well",
     "fits as well": "it fits all readings as well",
-    "as large": "its residual above the noise is less than twice as large",
+    "as large": "it leaves less than twice as much above the noise in the readings that choose",
 }
 """Why a rival is reported although the criterion is clearly against it."""
 
@@ -213,7 +224,9 @@ def _beside(contender: Contender, decides: float) -> str:
             f"{figure(decides, 2)} would decide)"
         )
     if first.reach == "as large":
-        return f"with {first.id} in its place the residual above the noise is less than twice as large"
+        return (
+            f"{first.id} in its place would leave less than twice as much above the noise in the readings that choose"
+        )
     return (
         f"the next best in its place, {first.id}, is ruled out (evidence {figure(first.difference)}; "
         f"{figure(decides, 2)} decides)"
@@ -224,16 +237,32 @@ def _of_the_lattice(found: Lattice) -> str:
     step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
     before, after = figure(found.before_um), quantity(found.after_um, "um")
     farther = ": the remaining gap is too large for rounding to matter"
-    left_out = "" if found.is_simulated else ", and the corrected model is not rounded"
+    left_out = "" if found.is_simulated else "; the corrected model is not rounded"
     beside = farther + left_out if found.after_um > found.before_um else left_out
     return (
-        f"The readings are multiples of {step} (agreement {agreed} of 1), and rounding the "
-        f"simulation to them changes the residual from {before} to {after} rms on held-out readings{beside}."
+        f"The readings are multiples of {step} (agreement {agreed} of 1). Rounding alone makes "
+        f"{quantity(found.share_um, 'um')} rms, which is part of the noise floor. Rounding the simulation too changes "
+        f"the residual from {before} to {after} rms on held-out readings{beside}."
     )
 
 
+def share_words(findings: Findings, effect: ReportedEffect) -> str:
+    """Return what an effect closes of the gap, as the end of a sentence; empty where that is nothing."""
+    if effect.contender is None:
+        rounding = "" if findings.lattice is None else quantity(findings.lattice.share_um, "um")
+        return f"; rounding is {rounding} rms of the noise floor" if rounding else ""
+    if effect.contender.rival_of:
+        return f"; in place of {effect.contender.rival_of} it would close {percent(effect.share_of_gap)} of the gap"
+    return f"; closes {percent(effect.share_of_gap)} of the gap" if effect.share_of_gap > 0.0 else ""
+
+
 def range_sentence(place: dict[str, Any]) -> str:
-    """Return one entry of `where` in words."""
+    """Return one entry of `where` in a sentence."""
+    return f"{percent(place['share'])} of the recalibrated residual lies {range_words(place)}"
+
+
+def range_words(place: dict[str, Any]) -> str:
+    """Return the range of one entry of `where` in words."""
     axis, (low, high) = place["axis"], place["range"]
     words = _DIRECTIONS.get((axis, low))
     if words is None:
@@ -241,4 +270,4 @@ def range_sentence(place: dict[str, Any]) -> str:
         words = f"at {known} of {figure(low)} to {quantity(high, place['unit'])}"
         if axis == "time":
             words = f"between {figure(low)} and {quantity(high, place['unit'])}"
-    return f"{percent(place['share'])} of the gap lies {words.format(input_word())}"
+    return words.format(input_word())

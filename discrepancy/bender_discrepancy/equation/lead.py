@@ -33,11 +33,15 @@ MOST_SPOILT = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """What is left of one record and what the equation gives for it, arrays of shape (n,) over the rows used."""
+    """What is left of one record and what the equation gives for it, arrays of shape (n,) over the rows used.
+
+    `held_out` are the rows that its fit did not see.
+    """
 
     rows: NDArray[np.intp]
     left_um: Array
     gives_um: Array
+    held_out: Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,4 +126,4 @@ def _only(rows: NDArray[np.intp], count: int) -> Mask:
 
 def _drawn(ground: Ground, best: Equation) -> tuple[Drawn, ...]:
     gives = ground.split(best.gives_um)
-    return tuple(Drawn(x.rows, x.left_um, y) for x, y in zip(ground.tracks, gives, strict=True))
+    return tuple(Drawn(x.rows, x.left_um, y, x.held_out) for x, y in zip(ground.tracks, gives, strict=True))

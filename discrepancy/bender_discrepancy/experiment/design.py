@@ -89,15 +89,17 @@ class Experiment:
         ends = f"{figure(float(self.voltage_V.min()))} to {quantity(float(self.voltage_V.max()), 'V')}"
         played = f"{self.pattern} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
-        beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
+        beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise floor"
         if self.distance_um < self.unexplained_um:
             beside += ", which is small compared with what none of them explains"
         if not self.tells_apart:
             return (
-                f"no command that was tried would distinguish them: with the best one, {played}, they would differ by "
-                f"{beside}"
+                f"no command that was tried would distinguish the rivals: with the best one, {played}, they would "
+                f"differ by {beside}"
             )
-        return f"{played} would distinguish them: they would differ by {beside}, each at its best"
+        return (
+            f"{played} would distinguish the rivals: they would differ by {beside}, even with one fitted to the other"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,6 +14,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excitation import sine_frequency_Hz
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.judgement.rules import above_floor_um2
+from bender_discrepancy.search.noise import floor_square_um2
 from bender_discrepancy.search.result import SearchResult
 
 PROFILE = "profile.csv"
@@ -61,7 +62,7 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
         return None
     tell("designing the next experiment")
     best: Experiment | None = None
-    noise_um = search.archive.noise_um
+    noise_um = math.sqrt(floor_square_um2(search.problem, search.archive.noise_um))
     seen = seen_limits([x.voltage_V for x in search.records], search.settings.highest_V)
     limits = replace(seen, slew_V_per_s=search.settings.slew_V_per_s)
     for count in (MOST_SEPARATED, 2):

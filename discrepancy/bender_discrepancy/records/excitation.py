@@ -91,11 +91,12 @@ def _steady(v: Array) -> bool:
     return max(swings) - min(swings) < AMPLITUDE_SPREAD * max(swings) + 0.02 * max(swings)
 
 
-def describe(time_s: Array, voltage_V: Array) -> str:
+def describe(time_s: Array, voltage_V: Array, *, untimed: bool = False) -> str:
     """Return the excitation in words, for the report."""
     if one_sine(time_s, voltage_V):
         return "one sine of one amplitude"
     steps = changes_V(voltage_V)
     if steps.size <= 2:
         return f"{steps.size} step{'s' * (steps.size != 1)}"
-    return f"{np.unique(np.round(voltage_V, 3)).size} levels in {time_s[-1] - time_s[0]:.3g} s"
+    levels = f"{np.unique(np.round(voltage_V, 3)).size} levels"
+    return levels if untimed else f"{levels} in {time_s[-1] - time_s[0]:.3g} s"

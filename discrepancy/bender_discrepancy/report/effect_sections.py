@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
-from bender_discrepancy.conclusion.sentences import heading_of, title_of
+from bender_discrepancy.conclusion.sentences import chance, heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
@@ -41,12 +41,13 @@ def _section(
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"] if x["delta_bic"] is not None]
     rival_of = entry.get("rival_of")
     without = entry.get("delta_bic_without")
-    ranking, line = ([], 0.0) if rival_of else ranking_bars(heading_of(effect.id), rivals, decides, without)
+    open_ = frozenset(x.id for x in effect.contender.rivals if x.reach) if effect.contender else frozenset[str]()
+    ranking, line = ([], 0.0) if rival_of else ranking_bars(heading_of(effect.id), rivals, decides, without, open_)
     return {
         "id": effect.id,
         "title": heading_of(effect.id),
         "rival_of": title_of(rival_of) if rival_of else None,
-        "is_open": not (rival_of or entry["certain"]),
+        "sure": how_sure(entry),
         "summary": about.summary,
         "evidence": entry["evidence"],
         "ranking": ranking,
@@ -63,6 +64,11 @@ def _section(
     }
 
 
+def how_sure(entry: dict[str, Any]) -> str:
+    """Return how sure an effect is, in words and as a number from 0 to 1."""
+    return "certain" if entry["certain"] else f"{entry['grade']}, probability {chance(entry['probability'])}"
+
+
 def _address(page: str) -> str | None:
     """Return the address of a page of the documentation in the checkout, None in an installed package."""
     folder = checkout_folder()
@@ -70,9 +76,21 @@ def _address(page: str) -> str | None:
 
 
 def ranking_bars(
-    title: str, rivals: list[tuple[str, float]], decides: float, without: float | None = None
+    title: str,
+    rivals: list[tuple[str, float]],
+    decides: float,
+    without: float | None = None,
+    open_: frozenset[str] = frozenset(),
 ) -> tuple[list[dict[str, Any]], float]:
-    """Return the rivals as bars on a logarithmic scale, the effect itself first, and where the evidence decides (%)."""
+    """Return the rivals as bars on a logarithmic scale, the effect itself first, and where the evidence decides (%).
+
+    Args:
+        title: of the effect.
+        rivals: in its place, each with the evidence against it.
+        decides: so much evidence.
+        without: the evidence against nothing in its place.
+        open_: rivals that are not ruled out, though the evidence against them may decide.
+    """
     shown = rivals[:MOST_RIVALS]
     if without is not None:
         shown = [*shown, (NOTHING, without)]
@@ -83,7 +101,7 @@ def ranking_bars(
     for name, difference in shown:
         width = round(100.0 * _length(difference) / full, 2)
         label = heading_of(name) if name in EFFECTS else name
-        kind = "without" if difference < decides else "rival"
+        kind = "without" if difference < decides or name in open_ else "rival"
         bars.append({"label": label, "kind": kind, "width": width, "value": f"{figure(difference)}"})
     return bars, round(100.0 * _length(decides) / full, 2)
 

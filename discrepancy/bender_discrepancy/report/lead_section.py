@@ -57,8 +57,8 @@ def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
     def draw(figure: "Figure", narrow: bool) -> None:
         whole, near = figure.subplots(2, 1)
         at = pictured.axis[drawn.rows]
-        for begin, end in _runs(pictured.held_out):
-            whole.axvspan(pictured.axis[begin], pictured.axis[end - 1], color=light("held"), lw=0)
+        for begin, end in _runs(drawn.held_out):
+            whole.axvspan(at[begin], at[end - 1], color=light("held"), lw=0)
         some = np.flatnonzero(np.isfinite(drawn.left_um))
         some = some[spread(some.size, DOT_POINTS[narrow])]
         dots(whole, at[some], drawn.left_um[some], "measured", 2.0, 0.7)

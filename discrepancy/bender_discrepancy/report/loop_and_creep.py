@@ -18,7 +18,9 @@ MANY = 6
 def hysteresis_sentence(
     effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float], model: Model
 ) -> str:
-    """Return a hysteresis in figures of its loop; empty for another effect, or one of few numbers and no free stretch.
+    """Return a hysteresis in figures of its loop; empty for another effect, or where its numbers say it as well.
+
+    They do where they are few, the records determine each of them, and the loop has no free stretch.
 
     Args:
         effect_id: of the effect.
@@ -28,7 +30,7 @@ def hysteresis_sentence(
         model: the corrected one, whose other blocks the loop passes.
     """
     loop = _loop(effect_id, form, numbers, volts, model)
-    if loop is None or (len(numbers) < MANY and loop.free is None):
+    if loop is None or (len(numbers) < MANY and loop.free is None and not any(x.is_open for x in numbers)):
         return ""
     told = (
         f"loop width {quantity(loop.width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, "

@@ -9,18 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.conclusion.findings import Findings, worst_record
+from bender_discrepancy.conclusion.findings import Findings, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.notes import FIRST_LINE, beginning
-from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
+from bender_discrepancy.conclusion.sentences import (
+    gap_sentence,
+    heading_of,
+    range_sentence,
+    range_words,
+    share_words,
+    title_of,
+)
+from bender_discrepancy.conclusion.shares import EQUATION, OWN_NUMBERS
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report import lead_section, overlay_pictures
 from bender_discrepancy.report.chart_process import ChartProcess, charts_of
 from bender_discrepancy.report.effect_pictures import component_charts
-from bender_discrepancy.report.effect_sections import effect_sections
+from bender_discrepancy.report.effect_sections import effect_sections, how_sure
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_discrepancy.report.visible_section import visible_rows
 from bender_report.page import render_template
@@ -86,8 +94,10 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
     return {
         "verdict": findings.verdict,
         "chip": CHIPS[findings.verdict],
-        "headline": result["sentence"],
-        "gap_sentence": gap_sentence(findings, measured),
+        "headline": _with_units_kept(result["sentence"]),
+        "gap_sentence": _with_units_kept(gap_sentence(findings, measured)),
+        "missing": missing_rows(findings, measured, result),
+        "several": len(findings.shares) > 1,
         "reason": _sentence(result["reason"]) if findings.verdict in ("likely", "ambiguous", "unexplained") else "",
         "base_model": result["settings"]["base_model"],
         "gap_bars": gap_bars(measured, f"with {listed(simulated)}" if simulated else "as the FMU"),
@@ -130,6 +140,38 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
     }
 
 
+def missing_rows(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, str]]:
+    """Return what is missing, how sure that is and what it closes: parts of the gap, with the rest, make 100 %."""
+    # behind the effects an equation without a name may stand
+    pairs = [*zip(findings.effects, result["effects"], strict=False)]
+    if not pairs:
+        return []
+    further = [(OWN_NUMBERS, "Numbers of the model that were off"), (EQUATION, "An equation without a name")]
+    rest = [(title, percent(findings.shares[x])) for x, title in further if findings.shares.get(x)]
+    if measured.closes is not None:
+        rest.append(("Not explained", percent(1.0 - measured.closes)))
+    return [
+        *(_missing_row(findings, x, entry) for x, entry in pairs if "rival_of" not in entry),
+        *({"title": x, "sure": "", "closes": y, "beside": ""} for x, y in rest),
+        *(_rival_row(x, entry) for x, entry in pairs if "rival_of" in entry),
+    ]
+
+
+def _missing_row(findings: Findings, effect: ReportedEffect, entry: dict[str, Any]) -> dict[str, str]:
+    row = {"title": heading_of(effect.id), "sure": how_sure(entry), "beside": ""}
+    if effect.contender is None:
+        return row | {"closes": _with_units_kept(share_words(findings, effect).removeprefix("; "))}
+    if EFFECTS[effect.id].of_the_record and effect not in findings.simulated:
+        row |= {"beside": "of this record, not in the corrected model"}
+    return row | {"closes": percent(effect.share_of_gap)}
+
+
+def _rival_row(effect: ReportedEffect, entry: dict[str, Any]) -> dict[str, str]:
+    title = f"or {title_of(effect.id)} instead of {title_of(entry['rival_of'])}"
+    closes = f"{percent(effect.share_of_gap)} in its place"
+    return {"title": title, "sure": how_sure(entry), "closes": closes, "beside": ""}
+
+
 def gap_bars(measured: Measured, after: str) -> list[dict[str, Any]]:
     """Return the gap at its stages as bars; one that would flatten the others is torn."""
     stages: list[tuple[str, str, Gap | None]] = [
@@ -160,8 +202,9 @@ def _beside(gap: Gap | None, floor_um: float) -> str:
     if gap is None:
         return ""
     ratio = gap.rms_um / floor_um if floor_um else math.inf
-    times = f"{figure(ratio, 3 if ratio < 10.0 else 2)} × noise" if floor_um else ""
-    return f"{times}, {figure(gap.nrmse_percent, 2)} %" if math.isfinite(gap.nrmse_percent) and times else times
+    times = f"{figure(ratio, 2)} × noise floor" if floor_um else ""
+    span = f"{figure(gap.nrmse_percent, 2)}\u00a0% of span"
+    return f"{times}, {span}" if math.isfinite(gap.nrmse_percent) and times else times
 
 
 def _part(value: float, full: float) -> float:
@@ -201,7 +244,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
                 "left": round(100.0 * begin, 2),
                 "width": round(100.0 * max(end - begin, 0.0), 2),
                 "share": percent(place["share"]),
-                "range": range_sentence(place).partition(" of the gap lies ")[2],
+                "range": range_words(place),
             }
         )
     return strips, words
@@ -222,9 +265,12 @@ def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> 
 def _sentence(text: str) -> str:
     first = text.split(" ", 1)[0].rstrip(":")
     start = text[:1].upper() if first.isalpha() and first not in EFFECTS else text[:1]
-    whole = start + text[1:] + ("" if text.endswith((".", "…")) else ".")
-    # a number stays on the line of its unit
-    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", whole)
+    return _with_units_kept(start + text[1:] + ("" if text.endswith((".", "…")) else "."))
+
+
+def _with_units_kept(text: str) -> str:
+    """Return a text in which a number stays on the line of its unit."""
+    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", text)
 
 
 def _version(package: str) -> str | None:

@@ -36,7 +36,7 @@ class PicturedRecord:
         given_um: the model as given.
         recalibrated_um: after calibration alone.
         after_um: the corrected FMU.
-        held_out: the held-out rows.
+        held_out: the rows that are reported on: neither a fit nor a choice saw them.
         noise_um: noise floor.
         corrected: the corrected model differs from the recalibrated one.
     """
@@ -105,7 +105,7 @@ def pictured_record(findings: "Findings", measured: "Measured", record: int, nam
         given_um=measured.before_um[record],
         recalibrated_um=measured.recalibrated_um[record],
         after_um=measured.after_um[record],
-        held_out=x.held_out,
+        held_out=x.reported,
         noise_um=measured.floor_um,
         corrected=findings.is_corrected,
     )

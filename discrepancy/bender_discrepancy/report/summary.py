@@ -5,13 +5,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from bender_discrepancy.conclusion.diagnosis_json import SPARSE_EQUATION
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.sentences import range_sentence
+from bender_discrepancy.conclusion.sentences import chance, range_sentence, share_words
+from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
-from bender_plant.model import Model
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
@@ -27,14 +28,13 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     if findings.verdict in ("likely", "ambiguous", "unexplained"):
         yield from _line("because", result["reason"])
     yield from _line("gap", _gap(findings, measured))
+    if findings.is_corrected and measured.closes is not None:
+        yield from _line("closed", _closed(measured))
     volts, confidence = driven_V(findings), findings.search.settings.confidence
     # behind the effects stands an equation without a name, where there is one: the lead says it
     for effect, entry in zip(findings.effects, result["effects"], strict=False):
-        yield from _line(_heading(entry), _effect(effect, entry, volts, findings.model, confidence))
-    for x in findings.recalibrated:
-        yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
-    if findings.effects or findings.recalibrated:
-        yield from _line("", DEVIATIONS + (INTERVALS if findings.effects else ""))
+        yield from _line(_heading(entry, findings.verdict), _effect(findings, effect, entry, volts, confidence))
+    yield from _recalibrated(findings)
     if result["where"]:
         yield from _line("where", _where(result))
     if result["lead"] or result["no_lead"]:
@@ -48,6 +48,17 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     yield from _line("written", f"{out / 'report.html'}, {files}")
 
 
+def _recalibrated(findings: Findings) -> Iterator[str]:
+    """Yield the model's own numbers before and after, and what ± means."""
+    for x in findings.recalibrated:
+        yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
+    own = findings.shares.get(OWN_NUMBERS, 0.0)
+    if own > 0.0:
+        yield from _line("", f"the model's own numbers close {percent(own)} of the gap")
+    if findings.effects or findings.recalibrated:
+        yield from _line("", DEVIATIONS + (INTERVALS if findings.effects else ""))
+
+
 def _further(result: dict[str, Any]) -> Iterator[str]:
     """Yield what would distinguish the leaders of an ambiguous verdict."""
     if result["next_experiment"]:
@@ -56,10 +67,13 @@ def _further(result: dict[str, Any]) -> Iterator[str]:
         yield from _line("record", x["why"])
 
 
-def _heading(entry: dict[str, Any]) -> str:
+def _heading(entry: dict[str, Any], verdict: str) -> str:
+    sure = chance(entry["probability"])
     if entry.get("rival_of"):
-        return "instead"
-    return "effect" if entry["certain"] else entry["grade"]
+        return f"instead {sure}"
+    if entry["certain"]:
+        return "effect" if verdict == "named" else "certain"
+    return f"{entry['grade']} {sure}"
 
 
 def _gap(findings: Findings, measured: Measured) -> str:
@@ -76,14 +90,21 @@ def _gap(findings: Findings, measured: Measured) -> str:
     return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
 
 
+def _closed(measured: Measured) -> str:
+    part = uncertain(100.0 * (measured.closes or 0.0), 100.0 * measured.closed[1])
+    return f"{part} % of the gap: of the mean square that calibration alone leaves above the noise floor"
+
+
 def _lead(result: dict[str, Any]) -> str:
     found = result["lead"]
     if not found:
         return f"no equation for the rest was found: {result['no_lead']}"
-    where = "in the corrected model" if found["in_model"] else "not in the model"
-    return (
-        f"{found['equation']}, explains {percent(found['explains'])} of the residual; it names no effect and is {where}"
-    )
+    if found["in_model"]:
+        closes = next((x["share_of_gap"] for x in result["effects"] if x["id"] == SPARSE_EQUATION), 0.0)
+        told = f"it closes {percent(closes)} of the gap and is in the corrected model"
+    else:
+        told = f"it explains {percent(found['explains'])} of what is left above the noise and is not in the model"
+    return f"{found['equation']}; {told}; it names no effect"
 
 
 def _where(result: dict[str, Any]) -> str:
@@ -93,13 +114,14 @@ def _where(result: dict[str, Any]) -> str:
 
 
 def _effect(
-    effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model, confidence: float
+    findings: Findings, effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], confidence: float
 ) -> str:
+    model = findings.model
     in_figures = hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, model) or creep_sentence(
         effect.id, effect.numbers
     )
     told = in_figures or _numbers(effect)
-    return f"{effect.id}: {told}; {percent(entry['share_of_gap'])} of the gap{_beside(entry, very_strong(confidence))}"
+    return f"{effect.id}: {told}{share_words(findings, effect)}{_beside(effect, entry, very_strong(confidence))}"
 
 
 def _numbers(effect: ReportedEffect) -> str:
@@ -113,17 +135,17 @@ def _numbers(effect: ReportedEffect) -> str:
     return "; ".join(found)
 
 
-def _beside(entry: dict[str, Any], decides: float) -> str:
+def _beside(effect: ReportedEffect, entry: dict[str, Any], decides: float) -> str:
     if not entry["rivals"]:
         return ""
     rival = entry["rivals"][0]
     if rival["delta_bic"] is None:
         return f"; {entry.get('rival_of') or rival['id']} is possible too: too few readings to choose between them"
     if entry.get("rival_of"):
-        return f"; less likely than {entry['rival_of']}, but not ruled out"
-    if rival["delta_bic"] >= decides:
-        return f"; next best {rival['id']}, ruled out"
-    return f"; next best {rival['id']}, not ruled out"
+        return "; less likely, but not ruled out"
+    known = effect.contender.rivals if effect.contender else ()
+    is_open = rival["delta_bic"] < decides or any(x.id == rival["id"] and x.reach for x in known)
+    return f"; next best {rival['id']}, {'not ' if is_open else ''}ruled out"
 
 
 def _line(heading: str, text: str) -> Iterator[str]:

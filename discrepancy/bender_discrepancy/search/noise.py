@@ -13,7 +13,7 @@ import numpy as np
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import floor_ratio_limit, least_noise_um, noise_floor_um
-from bender_discrepancy.records.observations import Array
+from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.outliers import FAR
 from bender_discrepancy.records.spectrum import without_line
 
@@ -58,12 +58,14 @@ def residual_square_um2(problem: FitProblem, fitted: Fitted, *, judged: bool = F
         fitted: the hypothesis.
         judged: on the rows of choices alone; else on all that fits and choices see.
     """
-    left: Sequence[Array] | None = fitted.residuals
-    if any(x.half_step_um > 0.0 for x in problem.observations):
-        left = _as_read(problem, fitted)
+    return square_on(problem, fitted, [x.judging if judged else x.searched for x in problem.observations])
+
+
+def square_on(problem: FitProblem, fitted: Fitted, counted: Sequence[Mask]) -> float:
+    """Return the mean square of the readings as they are on the rows that count; inf where there is no simulation."""
+    left = as_read(problem, fitted)
     if left is None:
         return math.inf
-    counted = [x.judging if judged else x.searched for x in problem.observations]
     rows = sum(int(x.sum()) for x in counted)
     return sum(float(np.sum(r[x] ** 2)) for r, x in zip(left, counted, strict=True)) / max(rows, 1)
 
@@ -106,7 +108,13 @@ def _mean(squares: list[float], rows: list[int]) -> float:
     return sum(s * n for s, n in zip(squares, rows, strict=True)) / sum(rows)
 
 
-def _as_read(problem: FitProblem, fitted: Fitted) -> list[Array] | None:
+def as_read(problem: FitProblem, fitted: Fitted) -> Sequence[Array] | None:
+    """Return what a fit leaves of the readings as they are, (n,) of every record; None where it cannot be simulated.
+
+    The residuals of a fit to coarse readings are what lies beyond their steps.
+    """
+    if not any(x.half_step_um > 0.0 for x in problem.observations):
+        return fitted.residuals
     readings = problem.readings(fitted.hypothesis)
     if readings is None:
         return None

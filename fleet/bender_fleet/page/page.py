@@ -132,7 +132,7 @@ def _pareto(population: Population) -> list[dict[str, Any]]:
                 "width": round(100.0 * count / most, 2),
                 "share": percent(count / len(population.units)),
                 "so_far": percent(so_far / total),
-                "gap": percent(float(np.median(shares))) if shares else "",
+                "gap": percent(float(np.median(shares))) if any(shares) else "",
             }
         )
     return rows

@@ -84,6 +84,12 @@ class Measured:
     is_corrected: bool = True
 
     @property
+    def closes(self) -> float | None:
+        """The part of the gap that is closed, from 0 to 1; None where calibration alone leaves no more than noise."""
+        share = self.closed[0]
+        return None if math.isnan(share) else min(max(share, 0.0), 1.0)
+
+    @property
     def is_worse(self) -> bool:
         """Whether the corrected model leaves more than the model as given or calibration alone, on the reported rows.
 
@@ -215,14 +221,16 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     rows = sum(int(x.sum()) for x in judged)
     alone, corrected = ([x - y for x, y in zip(measured, z, strict=True)] for z in (recalibrated, after))
-    closed = _closed(alone, corrected, judged, floor)
+    closed = closed_part(alone, corrected, judged, floor)
     return Measured(
         before, alone_left, left, floor, *shown,
         judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, closed=closed,
     )  # fmt: skip
 
 
-def _closed(alone: list[Array], after: list[Array], judged: Sequence[Mask], floor_um: float) -> tuple[float, float]:
+def closed_part(
+    alone: Sequence[Array], after: Sequence[Array], judged: Sequence[Mask], floor_um: float
+) -> tuple[float, float]:
     """Return the part of the variance above the noise that is closed, and its standard error.
 
     The part is a ratio of sums over blocks. Its error has two sources: blocks differ, and the residual is noisy.
@@ -238,7 +246,7 @@ def _closed(alone: list[Array], after: list[Array], judged: Sequence[Mask], floo
     return 1.0 - left_um2 / gap_um2, math.sqrt(spread + noise) / gap_um2
 
 
-def _above_noise(left: list[Array], judged: Sequence[Mask], floor_um: float) -> list[float]:
+def _above_noise(left: Sequence[Array], judged: Sequence[Mask], floor_um: float) -> list[float]:
     """Return the sum of squares above the noise in every block of the judged rows."""
     found: list[float] = []
     for x, rows in zip(left, judged, strict=True):

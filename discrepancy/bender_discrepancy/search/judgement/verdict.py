@@ -56,14 +56,20 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
     if leading.grade != "possible":
         return Verdict("likely", _why_likely(grades), complete)
     if rivals:
-        reason = f"{', '.join(rivals)} would predict unseen blocks nearly as well"
+        reason = f"{', '.join(rivals)} would predict unseen readings nearly as well"
         return Verdict("ambiguous", reason, complete)
     return Verdict("likely", _why_likely(grades), complete)
 
 
 def _why_likely(grades: Grades) -> str:
-    share = f"{100.0 * max(grades.closed, 0.0):.0f} %"
-    return f"nothing else that was tried predicts unseen blocks as well; {share} of the gap's variance is closed"
+    """Return why the leading effects are not certain: what may stand in their place, or what is left."""
+    first = "nothing else that was tried predicts unseen readings"
+    open_ = list(dict.fromkeys(y.id for x in grades.effects for y in x.open_rivals))
+    if open_:
+        return f"{first} better, but {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} not excluded"
+    if not grades.complete:
+        return f"{first} as well, but a part of the residual stays unexplained"
+    return f"{first} as well, but not so clearly that it is certain"
 
 
 def _without_effects(searched: Searched, rules: Rules) -> Verdict:
@@ -74,7 +80,7 @@ def _without_effects(searched: Searched, rules: Rules) -> Verdict:
         if not extremes_at_floor(best, archive.problem, archive.noise_um):
             reason = "some consecutive readings differ from the simulation by more than noise"
             return Verdict("unexplained", reason, complete=False)
-        return Verdict("unexplained", "nothing that was tried predicts unseen blocks better", complete=False)
+        return Verdict("unexplained", "nothing that was tried predicts unseen readings better", complete=False)
     if best.hypothesis.own is not None:
         return Verdict("recalibrated", "numbers of the model were off; nothing else is missing")
     if calibration_matters(archive, base, rules):
