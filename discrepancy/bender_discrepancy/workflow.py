@@ -275,7 +275,7 @@ def conclude(
             f"on held-out readings {effects} {close} {share:.0f} ± {error:.0f} % of the gap, less than {least:.0f} %",
             gap.closed[0],
         )
-        findings = with_origin(find(found).closing(gap.closed[0]), names)
+        findings = with_origin(find(found).closing(gap), names)
     following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
     lead = None
     if findings.verdict == "unexplained":
@@ -297,7 +297,7 @@ def _measured(
     if box is not None and box.measured is not None:
         tell("driving the corrected FMU")
         measured, content = box.measured(found, findings)
-        return findings.closing(measured.closed[0]), measured, content
+        return findings.closing(measured), measured, content
     tell("building the corrected FMU")
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
@@ -306,7 +306,7 @@ def _measured(
             tell(f"driving the corrected FMU{steps and f', {steps} steps'}")
 
         gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving, driver)
-        return findings.closing(gap.closed[0]), gap, fmu.read_bytes()
+        return findings.closing(gap), gap, fmu.read_bytes()
 
 
 def _refuted(searched: SearchResult, gap: Measured) -> str:

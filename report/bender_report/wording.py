@@ -34,7 +34,7 @@ def shown_in(command: str, reading: str) -> Iterator[None]:
 
 def unit_text(unit: str) -> str:
     """Return a unit as it is read, `µm/V²`; nothing for a pure number."""
-    own = _MICRO.sub("µm", unit_name(unit))
+    own = _MICRO.sub("µm", unit_name(unit)).replace(".", "·")
     return "" if own == "1" else _POWER.sub(lambda found: found[1].translate(_SUPERSCRIPTS), own)
 
 
@@ -143,7 +143,16 @@ def _fixed(value: float, places: int) -> str:
 def plain(text: str) -> str:
     """Return a text for terminals of any encoding: minus signs, powers of ten and units in ASCII."""
     text = re.sub(r" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: f"e{m.group(1).translate(_LOWERED)}", text)
-    for sign, ascii_sign in (("−", "-"), ("→", "->"), ("µ", "u"), ("²", "2"), ("…", "..."), ("±", "+-"), ("×", "x")):
+    for sign, ascii_sign in (
+        ("−", "-"),
+        ("→", "->"),
+        ("µ", "u"),
+        ("²", "2"),
+        ("…", "..."),
+        ("±", "+-"),
+        ("×", "x"),
+        ("·", "."),
+    ):
         text = text.replace(sign, ascii_sign)
     return text
 
@@ -159,6 +168,13 @@ def listed(words: Sequence[str], joined: str = "and") -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {joined} {words[-1]}"
+
+
+def with_units_kept(text: str) -> str:
+    """Return a text of a page, in which a number stays on the line of its unit."""
+    shown = "|".join(re.escape(unit_text(x)) for x in (_shown.get() or {}).values() if unit_text(x))
+    units = rf"%|rms|(?:[uµ]m|V|s|Hz|ms{'|' + shown if shown else ''})(?![\w/])"
+    return re.sub(rf"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:{units}))", "\u00a0", text)
 
 
 def fields(numbers: Sequence[Number]) -> dict[str, list[Number]]:

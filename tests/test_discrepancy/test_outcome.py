@@ -238,7 +238,7 @@ def test_unusual_values_and_what_was_set_aside_are_said():
     observations = search.problem.observations[0]
     fewer = search.problem.observing([observations.without(np.arange(readings.size) == 100)])
     said = warnings(find(replace(search, found=replace(search.found, archive=replace(search.archive, problem=fewer)))))
-    assert any("saturation.scale_V" in x and "unusual" in x and "poled" in x for x in said)
+    assert any("scale_V" in x and "unusual" in x and "poled" in x for x in said)
     assert f"2 of {readings.size} frames are lost and left out" in said
     assert "1 outlying reading was set aside, line 102" in said
 

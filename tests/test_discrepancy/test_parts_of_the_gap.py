@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reported_diagnosis import hypothesis, record_of, told
 
+from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
@@ -50,7 +51,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> tuple[Findings, Measured
     rivals = [hypothesis(PAPER, [stepped], x) for x in (LAG, HUM, ("sensor_lag", (0.06,)))]
     found = find(told([stepped], best, rivals, word="likely", sensor_step_um=STEP_um))
     measured = measure(found.search, found.model, found.calibration, tmp_path_factory.mktemp("gap") / "model.fmu")
-    findings = found.closing(measured.closed[0])
+    findings = found.closing(measured)
     return findings, measured, outcome(findings, measured)
 
 
@@ -74,10 +75,11 @@ def test_steps_of_the_sensor_are_part_of_the_floor_and_close_nothing_of_the_gap(
 
 def test_what_an_effect_leaves_is_said_of_the_readings_as_they_are(coarse: tuple) -> None:
     """Coarse readings are fitted within their steps; what lies beyond these is not what anybody reads off the gap."""
-    findings, _, _ = coarse
-    after = findings.effects[0].contender.after_um
+    findings, measured, _ = coarse
+    after = contenders(findings.search)[0].after_um
     assert after == pytest.approx(math.sqrt(held_square_um2(findings.search.best, findings.search.problem)))
     assert after >= 0.9 * STEP_um / math.sqrt(12.0)
+    assert findings.effects[0].contender.after_um == measured.after.rms_um
 
 
 def test_terminal_and_page_say_the_same_parts(coarse: tuple) -> None:

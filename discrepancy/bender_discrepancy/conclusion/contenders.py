@@ -31,6 +31,7 @@ class Contender:
         probability: that it is there.
         rivals: others that were fitted in its place, best first.
         rival_of: the effect whose place it would take, for the rivals of an open verdict; None otherwise.
+        is_all: without it nothing but the recalibrated model is left.
     """
 
     fitted: Fitted
@@ -43,6 +44,7 @@ class Contender:
     probability: float
     rivals: tuple[Rival, ...]
     rival_of: str | None = None
+    is_all: bool = False
 
     @property
     def id(self) -> str:
@@ -149,7 +151,8 @@ def _own(search: SearchResult, graded: Graded, share: float) -> Contender:
     rest, left = (held_square_um2(x, search.problem) ** 0.5 for x in (graded.without, search.best))
     rivals = graded.rivals[:MOST_LISTED]
     return Contender(
-        search.best, graded.index, share, rest, left, graded.difference, graded.grade, graded.probability, rivals
+        search.best, graded.index, share, rest, left, graded.difference, graded.grade, graded.probability, rivals,
+        is_all=graded.without is search.found.base,
     )  # fmt: skip
 
 
@@ -161,5 +164,6 @@ def _in_place(search: SearchResult, graded: Graded, rival: Rival, index: int, re
     beside = (Rival(graded.id, search.best, -rival.difference, -rival.deviations, rival.reach),)
     against = graded.probability_of(rival)
     return Contender(
-        rival.fitted, index, share, rest**0.5, left**0.5, rival.difference, "possible", against, beside, graded.id
+        rival.fitted, index, share, rest**0.5, left**0.5, rival.difference, "possible", against, beside, graded.id,
+        is_all=graded.without is search.found.base,
     )  # fmt: skip

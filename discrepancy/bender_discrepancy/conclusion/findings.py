@@ -9,6 +9,7 @@ import numpy as np
 from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.conclusion.shares import shares_of_gap, split
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
@@ -158,15 +159,21 @@ class Findings:
         hypothesis = self.search.best.hypothesis
         return bool(self.simulated) or hypothesis.own is not None or hypothesis.equation is not None
 
-    def closing(self, closed: float) -> "Findings":
-        """Return them with shares of the gap that add up to what the corrected model was measured to close."""
-        shares = split(closed, self.shares)
-        return replace(self, shares=shares, effects=tuple(self._sharing(x, shares) for x in self.effects))
+    def closing(self, measured: Measured) -> "Findings":
+        """Return them with shares of the gap that add up to what the corrected model was measured to close.
 
-    def _sharing(self, effect: ReportedEffect, shares: Mapping[str, float]) -> ReportedEffect:
+        Where all rows were searched, the residuals with an effect and without it are the measured ones as well.
+        """
+        shares = split(measured.closed[0], self.shares)
+        return replace(self, shares=shares, effects=tuple(self._sharing(x, shares, measured) for x in self.effects))
+
+    def _sharing(self, effect: ReportedEffect, shares: Mapping[str, float], measured: Measured) -> ReportedEffect:
         x = effect.contender
         if x is None:
             return effect
+        if not self.search.excerpts:
+            after_um = measured.after.rms_um if x.rival_of is None else x.after_um
+            x = replace(x, before_um=measured.recalibrated.rms_um if x.is_all else x.before_um, after_um=after_um)
         share = shares.get(x.id, 0.0)
         if x.rival_of is not None:
             # what it would close more or less than the effect whose place it takes

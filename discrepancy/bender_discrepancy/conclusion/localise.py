@@ -14,6 +14,8 @@ from bender_loop.records.acting_voltage import direction
 
 BINS = 12
 MOST = 0.7
+MORE_THAN_ROWS = 0.1
+"""By which the part of the energy on one side exceeds the part of the rows there: less tells nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,7 @@ def _narrowest(energy: Array, edges: Array) -> tuple[float, float, float]:
 
 
 def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> ResidualRange | None:
+    """Return the range of an axis; None where it is all of it, which tells nothing."""
     low, high = float(at.min()), float(at.max())
     if high <= low:
         return None
@@ -54,17 +57,22 @@ def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> R
     if energy.sum() <= 0.0:
         return None
     begin, end, share = _narrowest(energy, edges)
+    if end - begin >= high - low:
+        return None
     return ResidualRange(axis, (begin, end), unit, share)
 
 
 def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, float]) -> ResidualRange | None:
+    """Return on which side of a split most of the energy lies; None where that is no more than its part of the rows."""
     total = float(square.sum())
     share = float(square[mask].sum()) / total if total > 0.0 else 0.0
     rows = float(mask.mean())
     if not 0.0 < rows < 1.0:
         return None
     inside = share >= 0.5
-    part = share if inside else 1.0 - share
+    part, of_rows = (share, rows) if inside else (1.0 - share, 1.0 - rows)
+    if part < of_rows + MORE_THAN_ROWS:
+        return None
     return ResidualRange(axis, (ends[0], ends[0]) if inside else (ends[1], ends[1]), unit, part)
 
 

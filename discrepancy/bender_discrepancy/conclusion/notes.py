@@ -129,7 +129,7 @@ def _unusual(effect: ReportedEffect) -> list[str]:
     known = fields(effect.numbers)
     strange = {field: [x for x in numbers if x.unusual] for field, numbers in known.items()}
     found = [
-        f"{effect.id}.{_values(field, some, len(known[field]))} unusual, {_typical(some[0])}"
+        f"{title_of(effect.id)}: {_values(field, some, len(known[field]))} unusual, {_typical(some[0])}"
         for field, some in strange.items()
         if some
     ]
@@ -157,7 +157,10 @@ def _undetermined(effect: ReportedEffect) -> list[str]:
     if not names:
         return []
     open_ = ", ".join(names)
-    return [f"{effect.id}: these records do not determine {open_}; use the corrected model only at the recorded levels"]
+    return [
+        f"{title_of(effect.id)}: these records do not determine {open_}; do not use the corrected model between or "
+        "beyond the recorded levels"
+    ]
 
 
 def _left_out(findings: Findings) -> list[str]:
@@ -175,7 +178,7 @@ def _of_one_record(findings: Findings) -> list[str]:
     if not own:
         return []
     told = [
-        f"{x.id}, record {k + 1}: "
+        f"{title_of(x.id)}, record {k + 1}: "
         + ", ".join(f"{n.name} {uncertain(n.value, n.std, n.unit)}" for n in numbers if n.std > 0.0)
         for x in own
         for k, numbers in enumerate(x.by_record)
@@ -192,8 +195,8 @@ def _another_device(findings: Findings) -> list[str]:
         return []
     times = findings.gain_ratio
     found = (
-        "the readings fall where the model rises: another device, swapped wires or a turned camera axis; a controller "
-        "tuned on this model would be unstable"
+        "the readings fall where the model rises: another device, swapped wires or a turned axis of the sensor; a "
+        "controller tuned on this model would be unstable"
         if times < 0.0
         else f"the gain is {figure(times)} times that of the model: this looks like another device, or other units"
     )
@@ -216,8 +219,8 @@ def _hardly_excited(search: SearchResult) -> list[str]:
     times = {1: "once", 2: "twice"}.get(max(counts), "hardly")
     return [
         f"the {input_word()} changes only {times} (with the jump from 0 V before the first row). That cannot show "
-        "hysteresis, saturation, a dead zone, a slew limit or lens distortion; record a staircase up and down with "
-        "holds of several lengths"
+        "hysteresis, saturation, a dead zone, a limit of the rate or a curve of the reading; record a staircase up and "
+        "down with holds of several lengths"
     ]
 
 
@@ -241,7 +244,7 @@ def _immaterial(search: SearchResult) -> list[str]:
 def _untried(search: SearchResult) -> list[str]:
     if not search.untried:
         return []
-    names = ", ".join(search.untried)
+    names = ", ".join(title_of(x) for x in search.untried)
     return [f"not tried, because this record is too long: {names}; diagnose a shorter part of it"]
 
 
@@ -274,7 +277,7 @@ def _aliased(findings: Findings) -> list[str]:
         others = sorted(aliases_Hz(own_Hz, rate_Hz, own_Hz + ALIASES_TOLD * rate_Hz), key=lambda x: abs(x - own_Hz))
         told = ", ".join(figure(x, 5) for x in sorted(others[:ALIASES_TOLD]))
         found.append(
-            f"{effect.id}.frequency_Hz: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like "
+            f"{title_of(effect.id)}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like "
             f"{told}, … Hz; a record of another rate distinguishes them"
         )
     return found

@@ -32,7 +32,7 @@ def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) 
     """
     findings = find(search)
     measured = _simulated(findings)
-    result = outcome(findings.closing(measured.closed[0]), measured, names)
+    result = outcome(findings.closing(measured), measured, names)
     if not searched:
         unsettled = [x | {"certain": False} for x in result["effects"]]
         result |= {"sentence": _sentence(search), "reason": REASON, "effects": unsettled}

@@ -72,8 +72,7 @@ def _likely(findings: Findings) -> str:
     """Return the leading suspects, and how sure the first is."""
     first, *others = findings.added
     sure = "" if first.contender is None else f" (probability {chance(first.contender.probability)})"
-    beside = f", with {listed([title_of(x.id) for x in others])}" if others else ""
-    return f"Probably missing: {title_of(first.id)}{sure}{beside}."
+    return f"Probably missing: {listed([title_of(first.id) + sure, *(title_of(x.id) for x in others)])}."
 
 
 def _unexplained(findings: Findings, measured: Measured) -> str:
@@ -173,8 +172,10 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
         told = f"in the place of {x.rival_of} it would close {percent(x.share_of_gap)} of the gap; "
         told += f"{there} the residual would be {after} rms with it, {before} with neither"
     else:
-        told = f"it closes {percent(x.share_of_gap)} of the gap; " if x.share_of_gap > 0.0 else ""
-        told += f"{there} the residual is {after} rms with it, and would be {before} without it, the rest refitted"
+        part = f"{percent(x.share_of_gap)} of the gap" if x.share_of_gap > 0.0 else "no part of the gap"
+        mean = "" if x.is_all else " in the mean over all orders of adding"
+        last = "it takes" if x.is_all else "added last it takes"
+        told = f"it closes {part}{mean}; {there} {last} the residual from {before} to {after} rms"
     told = f"{told}; {_beside(x, decides)}."
     return _with_titles(told[0].upper() + told[1:])
 
@@ -234,13 +235,13 @@ def _beside(contender: Contender, decides: float) -> str:
 
 
 def _of_the_lattice(found: Lattice) -> str:
-    step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
+    step = quantity(found.step_um, "um")
     before, after = figure(found.before_um), quantity(found.after_um, "um")
     farther = ": the remaining gap is too large for rounding to matter"
     left_out = "" if found.is_simulated else "; the corrected model is not rounded"
     beside = farther + left_out if found.after_um > found.before_um else left_out
     return (
-        f"The readings are multiples of {step} (agreement {agreed} of 1). Rounding alone makes "
+        f"The readings are multiples of {step}. Rounding alone makes "
         f"{quantity(found.share_um, 'um')} rms, which is part of the noise floor. Rounding the simulation too changes "
         f"the residual from {before} to {after} rms on held-out readings{beside}."
     )

@@ -130,6 +130,7 @@ class Effect:
             structure is left in any case, they are no rivals of it.
         title: a few words, of a calibration; every other effect has that of its block.
         elsewhere: its title in devices of other quantities than a voltage and a displacement; "" where it is the same.
+        in_general: its summary for devices that are no piezo benders; "" where it is the same.
         same_on_other_side: id of the effect that is the same behind, or before, a plant that is linear.
         superposes: what it does to two commands adds up: a lag may as well act before it as behind it.
         splits_into: ids of effects that together may look like it.
@@ -168,6 +169,7 @@ class Effect:
     includes: tuple[str, ...] = ()
     title: str = ""
     elsewhere: str = ""
+    in_general: str = ""
     same_on_other_side: str = ""
     superposes: bool = False
     splits_into: tuple[tuple[str, ...], ...] = ()

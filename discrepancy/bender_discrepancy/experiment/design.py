@@ -87,7 +87,8 @@ class Experiment:
     def why(self) -> str:
         """The reason in one sentence."""
         ends = f"{figure(float(self.voltage_V.min()))} to {quantity(float(self.voltage_V.max()), 'V')}"
-        played = f"{self.pattern} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
+        # one of several drawn at random has a number
+        played = f"{self.pattern.rstrip(' 0123456789')} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise floor"
         if self.distance_um < self.unexplained_um:

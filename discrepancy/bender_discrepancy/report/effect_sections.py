@@ -6,12 +6,13 @@ from typing import Any
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.sentences import chance, heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.criterion import very_strong
+from bender_discrepancy.report.device_words import for_device
 from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
 from bender_export.build import checkout_folder
-from bender_plant.model import Model
 from bender_report.number import Number
-from bender_report.wording import fields, figure, quantity, uncertain
+from bender_report.wording import fields, figure, quantity, uncertain, with_units_kept
 
 MOST_RIVALS = 8
 MOST_LINES = 6
@@ -22,7 +23,7 @@ def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str
     """Return what the page says of each effect, in order."""
     volts, decides = driven_V(findings), very_strong(findings.search.settings.confidence)
     return [
-        _section(x, entry, volts, findings.model, decides)
+        _section(findings, x, entry, volts, decides)
         for x, entry in zip(findings.effects, result["effects"], strict=False)
     ]
 
@@ -34,31 +35,34 @@ def driven_V(findings: Findings) -> tuple[float, float]:
 
 
 def _section(
-    effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model, decides: float
+    findings: Findings, effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], decides: float
 ) -> dict[str, Any]:
-    about = EFFECTS[effect.id]
+    about, bender = EFFECTS[effect.id], is_piezo_bender(findings.search.base)
     # what so few readings cannot weigh has no bar
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"] if x["delta_bic"] is not None]
     rival_of = entry.get("rival_of")
     without = entry.get("delta_bic_without")
     open_ = frozenset(x.id for x in effect.contender.rivals if x.reach) if effect.contender else frozenset[str]()
+    rows = [_row(effect, field, numbers, bender=bender) for field, numbers in fields(effect.numbers).items()]
     ranking, line = ([], 0.0) if rival_of else ranking_bars(heading_of(effect.id), rivals, decides, without, open_)
     return {
         "id": effect.id,
         "title": heading_of(effect.id),
         "rival_of": title_of(rival_of) if rival_of else None,
         "sure": how_sure(entry),
-        "summary": about.summary,
-        "evidence": entry["evidence"],
+        "summary": for_device(about.summary if bender else about.in_general or about.summary, bender=bender),
+        "evidence": with_units_kept(entry["evidence"]),
         "ranking": ranking,
         "line": line,
         "form": (effect.form or "").replace("_", "-"),
-        "rows": [_row(effect, field, numbers) for field, numbers in fields(effect.numbers).items()],
-        "in_figures": hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, model),
+        "rows": rows,
+        "has_typical": any(x["typical"] != "–" for x in rows),
+        "has_deviations": any(x.std > 0.0 for x in effect.numbers),
+        "in_figures": hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, findings.model),
         "relaxations": creep_table(effect.id, effect.numbers),
-        "signature": about.signature,
-        "separation": about.separation,
-        "excitation": about.excitation,
+        "signature": for_device(about.signature, bender=bender),
+        "separation": for_device(about.separation, bender=bender),
+        "excitation": for_device(about.excitation, bender=bender),
         "page": about.page,
         "address": _address(about.page),
     }
@@ -91,7 +95,7 @@ def ranking_bars(
         without: the evidence against nothing in its place.
         open_: rivals that are not ruled out, though the evidence against them may decide.
     """
-    shown = rivals[:MOST_RIVALS]
+    shown = sorted(rivals[:MOST_RIVALS], key=lambda x: x[1])
     if without is not None:
         shown = [*shown, (NOTHING, without)]
     if not shown:
@@ -110,7 +114,7 @@ def _length(difference: float) -> float:
     return math.log10(1.0 + max(difference, 0.0))
 
 
-def _row(effect: ReportedEffect, field: str, numbers: list[Number]) -> dict[str, Any]:
+def _row(effect: ReportedEffect, field: str, numbers: list[Number], *, bender: bool) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     first = numbers[0]
     fixed = all(x.std == 0.0 for x in numbers)
@@ -120,7 +124,8 @@ def _row(effect: ReportedEffect, field: str, numbers: list[Number]) -> dict[str,
     typical = f"{figure(first.typical[0])} to {quantity(first.typical[1], first.unit)}" if first.typical else "–"
     return {
         "name": field,
-        "text": about.parameters[field].text + (" (fixed by the form)" if fixed and effect.contender else ""),
+        "text": for_device(about.parameters[field].text, bender=bender)
+        + (" (fixed by the form)" if fixed and effect.contender else ""),
         "lines": lines,
         "typical": typical,
         "why": first.why,

@@ -127,7 +127,7 @@ def creep_sentence(effect_id: str, numbers: tuple[Number, ...]) -> str:
     if table is None or len(numbers) < MANY:
         return ""
     *decades, (_, whole) = table["totals"]
-    return f"{whole} of the displacement in all; time constants of " + ", ".join(f"{x}: {y}" for x, y in decades)
+    return f"{whole} of the response in all; time constants of " + ", ".join(f"{x}: {y}" for x, y in decades)
 
 
 def _creep(effect_id: str, numbers: tuple[Number, ...]) -> tuple[list[Number], list[Number]] | None:

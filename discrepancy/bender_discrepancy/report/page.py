@@ -1,7 +1,6 @@
 """The report: one page that needs nothing beside it, light and dark, on a desk, on a phone and on paper."""
 
 import math
-import re
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -30,9 +29,19 @@ from bender_discrepancy.report.chart_process import ChartProcess, charts_of
 from bender_discrepancy.report.effect_pictures import component_charts
 from bender_discrepancy.report.effect_sections import effect_sections, how_sure
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
-from bender_discrepancy.report.visible_section import visible_rows
+from bender_discrepancy.report.visible_section import never_visible, visible_rows
+from bender_plant.model import Model
 from bender_report.page import render_template
-from bender_report.wording import figure, input_word, listed, percent, quantity, uncertain
+from bender_report.wording import (
+    figure,
+    input_word,
+    is_other_rig,
+    listed,
+    percent,
+    quantity,
+    uncertain,
+    with_units_kept,
+)
 
 CHIPS = {
     "named": "named",
@@ -44,6 +53,8 @@ CHIPS = {
 }
 # a bar longer than this many times the next is torn, so that the rest can be seen
 TORN = 4.0
+FROM_RECORDS = "A first model from records"
+"""So the description of a model begins that was made of them."""
 OWN_SURROUNDINGS = ", under each record with its own surroundings"
 # a half that holds less than this of the energy tells nothing
 TELLING = 0.6
@@ -79,6 +90,7 @@ def report_page(
         components=component_charts(findings, shown, worst),
         component_record=shown.name,
         input_word=input_word(),
+        foreign_names=is_other_rig(),
         equation=lead_section.section(
             lead, shown, worst, in_model=findings.search.best.hypothesis.equation is not None
         ),
@@ -90,16 +102,17 @@ def report_page(
 def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     simulated = [title_of(x.id) for x in findings.simulated]
     simulated += ["the equation below"] if findings.search.best.hypothesis.equation is not None else []
-    simulated += ["its own numbers fitted"] if findings.search.best.hypothesis.own is not None else []
+    simulated += ["the model's own numbers fitted"] if findings.search.best.hypothesis.own is not None else []
     return {
         "verdict": findings.verdict,
         "chip": CHIPS[findings.verdict],
-        "headline": _with_units_kept(result["sentence"]),
-        "gap_sentence": _with_units_kept(gap_sentence(findings, measured)),
+        "headline": with_units_kept(result["sentence"]),
+        "gap_sentence": with_units_kept(gap_sentence(findings, measured)),
         "missing": missing_rows(findings, measured, result),
         "several": len(findings.shares) > 1,
+        "is_open": any(not x["certain"] for x in result["effects"]),
         "reason": _sentence(result["reason"]) if findings.verdict in ("likely", "ambiguous", "unexplained") else "",
-        "base_model": result["settings"]["base_model"],
+        "base_model": _model_words(findings.search.base),
         "gap_bars": gap_bars(measured, f"with {listed(simulated)}" if simulated else "as the FMU"),
         "held_out": measured.judged,
         "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
@@ -130,6 +143,7 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
             for x in findings.recalibrated
         ],
         "visible": visible_rows(result.get("smallest_visible") or {}),
+        "never_visible": listed(never_visible(result.get("smallest_visible") or {})),
         "records": _records(findings, measured, result),
         "input_hold": _HOLDS[result["settings"]["input_hold"]],
         "untimed": result["settings"]["untimed"],
@@ -140,13 +154,19 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
     }
 
 
+def _model_words(base: Model) -> str:
+    """Return the name of the model as given, with its structure where that was found in the records."""
+    structure = base.description.partition(f"{FROM_RECORDS}: ")[2].partition(";")[0]
+    return f"{base.name} ({structure})" if structure else base.name
+
+
 def missing_rows(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, str]]:
     """Return what is missing, how sure that is and what it closes: parts of the gap, with the rest, make 100 %."""
     # behind the effects an equation without a name may stand
     pairs = [*zip(findings.effects, result["effects"], strict=False)]
     if not pairs:
         return []
-    further = [(OWN_NUMBERS, "Numbers of the model that were off"), (EQUATION, "An equation without a name")]
+    further = [(OWN_NUMBERS, "The model's own numbers, fitted again"), (EQUATION, "An equation without a name")]
     rest = [(title, percent(findings.shares[x])) for x, title in further if findings.shares.get(x)]
     if measured.closes is not None:
         rest.append(("Not explained", percent(1.0 - measured.closes)))
@@ -160,7 +180,7 @@ def missing_rows(findings: Findings, measured: Measured, result: dict[str, Any])
 def _missing_row(findings: Findings, effect: ReportedEffect, entry: dict[str, Any]) -> dict[str, str]:
     row = {"title": heading_of(effect.id), "sure": how_sure(entry), "beside": ""}
     if effect.contender is None:
-        return row | {"closes": _with_units_kept(share_words(findings, effect).removeprefix("; "))}
+        return row | {"closes": with_units_kept(share_words(findings, effect).removeprefix("; "))}
     if EFFECTS[effect.id].of_the_record and effect not in findings.simulated:
         row |= {"beside": "of this record, not in the corrected model"}
     return row | {"closes": percent(effect.share_of_gap)}
@@ -218,7 +238,7 @@ def _stretch_title(shown: PicturedRecord) -> str:
     begin, end = shown.axis[rows][[0, -1]]
     ends = f"{figure(begin)} to {figure(end)}" + ("" if shown.axis_label == "row" else " s")
     what = "rows " if shown.axis_label == "row" else ""
-    return f"Where the gap was largest among held-out readings: {what}{ends}"
+    return f"Where the residual was largest among the held-out readings: {what}{ends}"
 
 
 def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list[dict[str, Any]], list[str]]:
@@ -265,12 +285,7 @@ def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> 
 def _sentence(text: str) -> str:
     first = text.split(" ", 1)[0].rstrip(":")
     start = text[:1].upper() if first.isalpha() and first not in EFFECTS else text[:1]
-    return _with_units_kept(start + text[1:] + ("" if text.endswith((".", "…")) else "."))
-
-
-def _with_units_kept(text: str) -> str:
-    """Return a text in which a number stays on the line of its unit."""
-    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", text)
+    return with_units_kept(start + text[1:] + ("" if text.endswith((".", "…")) else "."))
 
 
 def _version(package: str) -> str | None:

@@ -54,7 +54,9 @@ def _recalibrated(findings: Findings) -> Iterator[str]:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     own = findings.shares.get(OWN_NUMBERS, 0.0)
     if own > 0.0:
-        yield from _line("", f"the model's own numbers close {percent(own)} of the gap")
+        yield from _line(
+            "model", f"its own numbers (lags, frequency, damping), fitted again, close {percent(own)} of the gap"
+        )
     if findings.effects or findings.recalibrated:
         yield from _line("", DEVIATIONS + (INTERVALS if findings.effects else ""))
 

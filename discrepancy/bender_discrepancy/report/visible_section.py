@@ -3,22 +3,26 @@
 from collections.abc import Mapping
 from typing import Any
 
-from bender_discrepancy.conclusion.sentences import heading_of
+from bender_discrepancy.conclusion.sentences import heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_report.wording import figure, quantity
 
-NEVER = "none of the effects that were sought, or a size that is too small to simulate"
-UP_TO = {"above": "", "below": "up to "}
+OR_LESS = {"above": "", "below": " or less"}
 DIGITS = (2, 3, 4, 5, 6, 7)
 
 
 def visible_rows(smallest: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Return a row for every effect.
+    """Return a row for every effect that would show.
 
     Args:
         smallest: `smallest_visible` of `diagnosis.json`.
     """
-    return [_row(name, entry) for name, entry in smallest.items()]
+    return [_row(name, entry) for name, entry in smallest.items() if entry["value"] is not None]
+
+
+def never_visible(smallest: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the effects that the records would not show at any size that was sought; arguments of `visible_rows`."""
+    return [title_of(name) for name, entry in smallest.items() if entry["value"] is None]
 
 
 def _row(name: str, entry: Mapping[str, Any]) -> dict[str, str]:
@@ -28,9 +32,7 @@ def _row(name: str, entry: Mapping[str, Any]) -> dict[str, str]:
     return {
         "title": heading_of(name),
         "parameter": entry["parameter"],
-        "size": NEVER
-        if entry["value"] is None
-        else UP_TO[entry["shown"]] + _size(entry["value"], entry["unit"], neutral),
+        "size": _size(entry["value"], entry["unit"], neutral) + OR_LESS[entry["shown"]],
         "at": ", ".join(at),
     }
 

@@ -34,7 +34,7 @@ class Parameters:
         text="alpha, stiffness of the hysteretic part over the linear",
         tunable=True,
     )
-    beta_1_per_um: float = parameter(1.0, unit="1/um", low=0.0, text="beta", tunable=True)
+    beta_1_per_um: float = parameter(1.0, unit="1/um", low=0.0, text="beta, how soon a branch levels off", tunable=True)
     gamma_1_per_um: float = parameter(0.0, unit="1/um", text="gamma, from -2 beta to beta", tunable=True)
 
     def __post_init__(self) -> None:

@@ -26,8 +26,8 @@ class Parameters:
     quadratic_1_per_um: float = parameter(0.0, unit="1/um", text="c_2, curvature at rest", tunable=True)
     cubic_1_per_um2: float = parameter(0.0, unit="1/um2", text="c_3, odd part of the curve", tunable=True)
 
-    quartic_1_per_um3: float = parameter(0.0, unit="1/um3", text="c_4", tunable=True)
-    quintic_1_per_um4: float = parameter(0.0, unit="1/um4", text="c_5", tunable=True)
+    quartic_1_per_um3: float = parameter(0.0, unit="1/um3", text="c_4, fourth power in the curve", tunable=True)
+    quintic_1_per_um4: float = parameter(0.0, unit="1/um4", text="c_5, fifth power in the curve", tunable=True)
     straight_below_um: float = curve_end(-1e12, "lowest", "um")
     straight_above_um: float = curve_end(1e12, "highest", "um")
 

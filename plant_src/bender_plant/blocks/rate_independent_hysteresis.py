@@ -52,12 +52,20 @@ class Parameters:
     cubic_um_per_V3: tuple[float, ...] = parameter(
         (), unit="um/V3", text="c_k, weight of the cube of each play", tunable=True
     )
-    reversible_linear_um_per_V: float = parameter(0.0, unit="um/V", text="s_1", tunable=True)
-    reversible_quadratic_um_per_V2: float = parameter(0.0, unit="um/V2", text="s_2", tunable=True)
-    reversible_cubic_um_per_V3: float = parameter(0.0, unit="um/V3", text="s_3", tunable=True)
+    reversible_linear_um_per_V: float = parameter(
+        0.0, unit="um/V", text="s_1, slope of the curve beside the loop", tunable=True
+    )
+    reversible_quadratic_um_per_V2: float = parameter(
+        0.0, unit="um/V2", text="s_2, square in the curve beside the loop", tunable=True
+    )
+    reversible_cubic_um_per_V3: float = parameter(
+        0.0, unit="um/V3", text="s_3, cube in the curve beside the loop", tunable=True
+    )
     alpha_um_per_V: float = parameter(0.0, unit="um/V", text="alpha, initial slope of h", tunable=True)
-    beta_1_per_V: float = parameter(0.0, unit="1/V", low=0.0, text="beta", tunable=True)
-    gamma_1_per_V: float = parameter(0.0, unit="1/V", text="gamma, not above beta in size", tunable=True)
+    beta_1_per_V: float = parameter(0.0, unit="1/V", low=0.0, text="beta, how soon a branch levels off", tunable=True)
+    gamma_1_per_V: float = parameter(
+        0.0, unit="1/V", text="gamma, how the branches differ in that; not above beta in size", tunable=True
+    )
     straight_below_V: float = curve_end(-1e12, "lowest")
     straight_above_V: float = curve_end(1e12, "highest")
 

@@ -13,6 +13,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="ageing",
     summary="the gain fades with time: depolarisation, warming, an adhesive that lets go",
+    in_general="the gain fades with time: warming, wear, a supply that sags",
     signature=(
         "The residual is the displacement times a slow function of time: nothing at zero, most at the top. "
         "Over the voltage the lines fan out from the origin."

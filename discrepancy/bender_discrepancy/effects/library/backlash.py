@@ -17,6 +17,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="backlash",
     summary="play between the beam and what is watched: after a reversal the first part of the motion is lost",
+    in_general="play between what is driven and what is read: after a reversal the first part of the motion is lost",
     signature=(
         "Plus or minus the half-width, switched at every reversal: a loop over the voltage with one width "
         "at all amplitudes and flat sides. Ringing smaller than the play is invisible."

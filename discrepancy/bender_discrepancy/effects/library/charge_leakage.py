@@ -27,6 +27,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="charge_leakage",
     summary="charge leaks off while the voltage is held, and the field in the film sags",
+    in_general="a held input fades: the output sags back during each hold",
     signature=(
         "During each hold the reading sags back towards where it came from, exponentially with one time "
         "constant, and after the return to zero it overshoots by as much."

@@ -88,6 +88,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="creep",
     summary="the displacement goes on creeping after every change, with the logarithm of time",
+    in_general="the output goes on creeping after every change, with the logarithm of time",
     signature=(
         "After every step a slow tail in the direction of the step and in proportion to it, straight over "
         "the logarithm of time; earlier steps are still felt. Single relaxations are straight only over a "

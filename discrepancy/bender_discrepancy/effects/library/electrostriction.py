@@ -24,6 +24,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="electrostriction",
     summary="a displacement with the square of the voltage, instantaneous and even",
+    in_general="a part of the output goes with the square of the input, at once and alike on both branches",
     signature=(
         "A parabola over the voltage, the same on both branches: a shift of the mean and a second harmonic, "
         "both with the square of the amplitude."

@@ -9,6 +9,7 @@ EFFECT = Effect(
     id="gain_error",
     title="Another gain",
     summary="the readings are the simulation times a factor: micrometres per pixel, or the beam's own gain",
+    in_general="the readings are the simulation times a factor: the scale of the sensor, or the gain of the device",
     signature=(
         "Measured over simulated is a straight line through the origin with another slope. Nothing is left "
         "once the factor is taken out."

@@ -166,6 +166,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="rate_independent_hysteresis",
     summary="domain walls that stick: what was reached depends on where the voltage turned, not on how fast",
+    in_general="what was reached depends on where the input turned, not on how fast: friction, magnetic domains",
     signature=(
         "The residual over the voltage is a loop, the same at every speed, with small loops inside large "
         "ones. Its area grows with amplitude to the power 2.5 to 3, it brings odd harmonics, and something "

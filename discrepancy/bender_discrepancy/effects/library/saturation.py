@@ -41,6 +41,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="saturation",
     summary="the effective field flattens towards full voltage, odd and without memory",
+    in_general="the answer flattens towards large inputs, alike both ways and without memory",
     signature=(
         "The gain falls with the size of the voltage, the same on both branches and in both signs: the "
         "residual over a bipolar voltage is an S, over a unipolar one a single arch."
@@ -51,7 +52,7 @@ EFFECT = Effect(
         "stiffening": "It moves the resonance with the level, saturation does not.",
     },
     separation=(
-        "A change of sign: saturation is odd, electrostriction even. A lens bends the ringing as well; "
+        "A change of sign: saturation is odd, a square even. A lens bends the ringing as well; "
         "stiffening moves the resonance."
     ),
     excitation="the full range with both signs, at several amplitudes",

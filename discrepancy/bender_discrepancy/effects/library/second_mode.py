@@ -47,6 +47,7 @@ def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="second_mode",
     summary="a second bending mode carries part of the displacement and rings above the first",
+    in_general="a second mode carries part of the output and rings at a frequency of its own",
     signature=(
         "After steps a quick ringing on top of the slow one; in the spectrum a line at 6.27 times the first "
         "resonance, with a zero between the two."

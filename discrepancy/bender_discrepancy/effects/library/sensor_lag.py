@@ -14,6 +14,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="sensor_lag",
     summary="the reading follows the tip with a first-order lag: a filter, a tracker, a long exposure",
+    in_general="the reading follows with a first-order lag: a filter, a slow sensor",
     signature=(
         "After each step an exponential, up and down alike; the ringing is seen smaller and later. On a "
         "sine amplitude and phase fall together."

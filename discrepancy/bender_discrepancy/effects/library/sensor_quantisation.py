@@ -8,6 +8,7 @@ COVERED = {"step_um": (0.05, 3.0)}
 EFFECT = Effect(
     id="sensor_quantisation",
     summary="the reading comes in steps: whole pixels, steps of a converter",
+    in_general="the reading comes in steps: those of a converter, or of a display",
     signature=(
         "Over the reading a sawtooth between plus and minus half a step; all readings lie on one lattice, "
         "and small motions are not seen at all."

@@ -21,6 +21,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="slew_limit",
     summary="the supply's output moves no faster than its slew rate, up or down",
+    in_general="what acts moves no faster than some rate, up or down, whatever the command does",
     signature=(
         "Only edges show: after a step the residual is a triangle that lasts as long as the step is high, "
         "step over rate. Slow ramps are followed exactly."

@@ -15,6 +15,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="source_resistance",
     summary="the electrode follows the command with a first-order lag, resistance times capacitance",
+    in_general="what acts follows the command with a first-order lag: a filter, a coil, a volume that fills",
     signature=(
         "After each step an exponential of one time constant, up and down alike, scaled by the step; the "
         "mode is hit more softly and rings less. On a sine amplitude and phase fall together."

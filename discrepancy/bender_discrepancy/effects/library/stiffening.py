@@ -31,6 +31,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="stiffening",
     summary="the restoring force of the beam grows faster (or slower) than its displacement",
+    in_general="the restoring force grows faster (or slower) than the deflection",
     signature=(
         "The resonance moves with the level or the amplitude, and the static gain falls with the cube of "
         "the displacement: a residual over the voltage like saturation, and a detuned ringing at high "

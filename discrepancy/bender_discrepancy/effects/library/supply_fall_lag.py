@@ -14,6 +14,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="supply_fall_lag",
     summary="a one-quadrant supply: up at once, down only as fast as its output capacitor empties",
+    in_general="the input rises at once and falls with a lag: a source that can only push",
     signature=(
         "Steps up leave nothing, every step down leaves an exponential with the sign of a reading that "
         "comes down too late. Over the voltage only the falling branch is off."

@@ -16,6 +16,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="supply_quantisation",
     summary="the set-point is rounded to the steps of the supply's converter",
+    in_general="the input comes in steps: a converter, a display of few digits",
     signature=(
         "Over the voltage a sawtooth, zero at every multiple of the step and half a step times the local "
         "gain high, the same on both branches; each tread begins with a ringing."

@@ -15,6 +15,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="thermal_drift",
     summary="the beam bends with the temperature of the room, whatever the voltage",
+    in_general="the reading drifts with time, whatever the input: warming up, a zero that moves",
     signature=(
         "A slow, monotone function of time that knows nothing of the steps: over the voltage every later "
         "cycle is shifted in parallel."

@@ -23,6 +23,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 EFFECT = Effect(
     id="tip_mass",
     summary="the first resonance lies elsewhere: a mass at the tip, a stiffer clamp, layers left out",
+    in_general="the first resonance lies elsewhere: another mass, another stiffness",
     signature=(
         "Ringing of another frequency after each step, so the residual beats: it grows, has nodes and dies. "
         "The static gain is untouched. At 30 frames per second the ringing is seen as its alias."

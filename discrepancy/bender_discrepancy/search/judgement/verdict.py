@@ -10,6 +10,7 @@ from bender_discrepancy.search.judgement.grades import Grades, is_complete
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.noise import extremes_at_floor, floor_square_um2, residual_square_um2
 from bender_discrepancy.search.search import Searched
+from bender_report.wording import listed
 
 Word = Literal["named", "likely", "ambiguous", "unexplained", "recalibrated", "no_gap"]
 
@@ -52,11 +53,11 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
     rivals = list(dict.fromkeys(y.id for x in grades.effects for y in x.near_rivals))
     leading = max(grades.effects, key=lambda x: x.probability)
     if complete and rivals:
-        return Verdict("ambiguous", f"the records do not contain enough evidence to exclude {', '.join(rivals)}")
+        return Verdict("ambiguous", f"the records do not contain enough evidence to exclude {listed(rivals, 'or')}")
     if leading.grade != "possible":
         return Verdict("likely", _why_likely(grades), complete)
     if rivals:
-        reason = f"{', '.join(rivals)} would predict unseen readings nearly as well"
+        reason = f"{listed(rivals, 'or')} would predict unseen readings nearly as well"
         return Verdict("ambiguous", reason, complete)
     return Verdict("likely", _why_likely(grades), complete)
 
@@ -66,7 +67,7 @@ def _why_likely(grades: Grades) -> str:
     first = "nothing else that was tried predicts unseen readings"
     open_ = list(dict.fromkeys(y.id for x in grades.effects for y in x.open_rivals))
     if open_:
-        return f"{first} better, but {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} not excluded"
+        return f"{first} better, but {listed(open_)} {'is' if len(open_) == 1 else 'are'} not excluded"
     if not grades.complete:
         return f"{first} as well, but a part of the residual stays unexplained"
     return f"{first} as well, but not so clearly that it is certain"
