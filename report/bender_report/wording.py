@@ -163,6 +163,11 @@ def percent(share: float) -> str:
     return f"{value:.1f} %" if 95.0 <= value < 99.95 or 0.0 < value < 5.0 else f"{value:.0f} %"
 
 
+def chance(probability: float) -> str:
+    """Return a probability as a number from 0 to 1, so that it looks like no share: `0.74`."""
+    return "1" if probability == 1.0 else f"{min(max(probability, 0.01), 0.99):.2f}"
+
+
 def listed(words: Sequence[str], joined: str = "and") -> str:
     """Return words as a list in a sentence: `a, b and c`."""
     if len(words) < 2:

@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+from bender_report.wording import chance
+
 Event = dict[str, Any]
 
 WEEK_S, DAY_S, HOUR_S, MINUTE_S = 604800.0, 86400.0, 3600.0, 60.0
@@ -94,7 +96,7 @@ def _explained(event: Event) -> str:
     parts = [f"alarm {event['alarm']}, {_since(event)}: {_size(event)}"]
     if "verdict" in event:
         names = [
-            f"{x['id']} ({x['grade']}, {100.0 * (x.get('probability') or 0.0):.0f} %)" for x in event["effects"][:3]
+            f"{x['id']} ({x['grade']}, probability {chance(x.get('probability') or 0.0)})" for x in event["effects"][:3]
         ]
         parts.append(f"{event['verdict']}{': ' + ', '.join(names) if names else ''}; {event['sentence']}")
         loop = event["loop"]

@@ -12,7 +12,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.search.judgement.grades import Reach, Rival
 from bender_discrepancy.search.judgement.rules import RULES
-from bender_report.wording import figure, input_word, is_other_rig, listed, lower_first, percent, quantity
+from bender_report.wording import chance, figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
 _DIRECTIONS = {
     ("direction", 1.0): "while the {} rises",
@@ -153,11 +153,6 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
     closed = measured.closes if findings.is_corrected else None
     told = "" if closed is None else f". {percent(closed)} of the gap is closed"
     return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}{told}."
-
-
-def chance(probability: float) -> str:
-    """Return a probability as a number from 0 to 1, so that it looks like no share: `0.74`."""
-    return "1" if probability == 1.0 else f"{min(max(probability, 0.01), 0.99):.2f}"
 
 
 def evidence(findings: Findings, effect: ReportedEffect) -> str:

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
-from bender_discrepancy.conclusion.sentences import chance, heading_of, title_of
+from bender_discrepancy.conclusion.sentences import heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.criterion import very_strong
@@ -12,7 +12,7 @@ from bender_discrepancy.report.device_words import for_device
 from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
 from bender_export.build import checkout_folder
 from bender_report.number import Number
-from bender_report.wording import fields, figure, quantity, uncertain, with_units_kept
+from bender_report.wording import chance, fields, figure, quantity, uncertain, with_units_kept
 
 MOST_RIVALS = 8
 MOST_LINES = 6

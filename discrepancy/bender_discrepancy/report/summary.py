@@ -8,12 +8,12 @@ from typing import Any
 from bender_discrepancy.conclusion.diagnosis_json import SPARSE_EQUATION
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.sentences import chance, range_sentence, share_words
+from bender_discrepancy.conclusion.sentences import range_sentence, share_words
 from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
-from bender_report.wording import fields, figure, percent, quantity, uncertain
+from bender_report.wording import chance, fields, figure, percent, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4

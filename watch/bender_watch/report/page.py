@@ -9,6 +9,7 @@ from bender_loop.shell.files import write_atomically
 from bender_report.chart import Chart, chart
 from bender_report.page import Card, Page, Picture, Section, Table, render
 from bender_report.palette import light
+from bender_report.wording import chance, percent
 from bender_watch.words import forecast, sentence
 
 if TYPE_CHECKING:
@@ -52,11 +53,21 @@ def report_page(events: list[dict[str, Any]], watcher: "Watcher", facts: dict[st
 
 def _explained(event: dict[str, Any]) -> Section:
     rows = [
-        [x["id"], x["grade"], x.get("probability"), x.get("share_of_gap"), x["evidence"]]
+        [
+            x["id"],
+            x["grade"],
+            _chance(x),
+            "–" if x.get("share_of_gap") is None else percent(x["share_of_gap"]),
+            x["evidence"],
+        ]
         for x in event.get("effects", ())
     ]
-    table = Table(("effect", "grade", "probability", "share of the gap", "evidence"), rows) if rows else None
+    table = Table(("effect", "grade", "probability", "part of the gap closed", "evidence"), rows) if rows else None
     return Section(f"What alarm {event['alarm']} was", [sentence(event)], table, bullets=list(event.get("advice", ())))
+
+
+def _chance(effect: dict[str, Any]) -> str:
+    return "–" if effect.get("probability") is None else chance(effect["probability"])
 
 
 def _trends(trends: list[dict[str, Any]]) -> Section:
