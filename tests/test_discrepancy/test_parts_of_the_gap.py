@@ -16,6 +16,7 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import excitation_of
+from bender_discrepancy.conclusion.sentences import evidence
 from bender_discrepancy.conclusion.shares import held_square_um2, split
 from bender_discrepancy.report.page import missing_rows, report_page
 from bender_discrepancy.report.pictured_record import pictured_record
@@ -113,6 +114,25 @@ def test_a_rival_that_stays_open_is_nowhere_ruled_out(coarse: tuple) -> None:
     assert [x["id"] for x in result["effects"]] == ["source_resistance", "sensor_lag"]
     assert "next best sensor_lag, not ruled out" in lines
     assert "sensor_lag, ruled out" not in lines
+
+
+@pytest.mark.parametrize(
+    ("difference", "said"),
+    [
+        (-254.0, "fits all readings better (evidence 254)"),
+        (-3.0, "9.2 would decide"),
+        (56.0, "is 56 (9.2 decides), but"),
+    ],
+)
+def test_evidence_for_a_rival_has_the_sign_of_the_readings(difference: float, said: str) -> None:
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
+    best, other = (hypothesis(PAPER, [record], (x, (0.06,))) for x in ("source_resistance", "sensor_lag"))
+    search = told([record], best, [other], word="likely")
+    (effect,) = search.grades.effects
+    rivals = tuple(replace(x, difference=difference, reach="predicts as well") for x in effect.rivals)
+    grades = replace(search.grades, effects=(replace(effect, grade="likely", probability=0.7, rivals=rivals),))
+    findings = find(replace(search, grades=grades))
+    assert said in evidence(findings, findings.effects[-1])
 
 
 def test_pictures_shade_the_rows_of_the_gap_and_no_others(coarse: tuple) -> None:

@@ -207,6 +207,8 @@ def _beside(contender: Contender, decides: float) -> str:
     if contender.rival_of and -first.difference >= decides:
         evidence = f"the evidence for {contender.rival_of} in its place is {figure(-first.difference)}"
         return f"{evidence} ({figure(decides, 2)} decides), but {_STAYS_OPEN[first.reach]}"
+    if contender.rival_of and first.difference >= decides:
+        return f"it fits all readings better (evidence {figure(first.difference)}), but predicts unseen ones no better"
     if contender.rival_of:
         between = figure(abs(first.difference))
         return f"the evidence between {contender.rival_of} and it is {between}; {figure(decides, 2)} would decide"
