@@ -344,9 +344,11 @@ def worse(measured: Measured) -> list[str]:
     """Return a warning where the corrected model is worse than the recalibrated one, and was not written."""
     if not measured.is_worse:
         return []
+    others = [("calibration alone", measured.recalibrated.rms_um), ("the model as given", measured.before.rms_um)]
+    better, left_um = min(others, key=lambda x: x[1])
     return [
-        f"no model was written: on held-out readings the corrected one leaves "
-        f"{quantity(measured.after.rms_um, 'um')}, calibration alone {quantity(measured.recalibrated.rms_um, 'um')}"
+        f"no model was written: on held-out readings it would leave {quantity(measured.after.rms_um, 'um')}, "
+        f"{better} {quantity(left_um, 'um')}"
     ]
 
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice
@@ -111,7 +112,9 @@ def reason(findings: Findings, measured: Measured) -> str:
     why = _with_titles(findings.reason)
     if findings.complete or findings.verdict in ("ambiguous", "likely"):
         return why
-    return f"{why}; on held-out readings the residual is {residual(measured)}"
+    # what was not corrected is the recalibrated model
+    told = measured if findings.is_corrected else replace(measured, after=measured.recalibrated)
+    return f"{why}; on held-out readings the residual is {residual(told)}"
 
 
 def _alike(findings: Findings) -> tuple[str, str]:
@@ -149,7 +152,7 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
         steps = quantity(findings.lattice.share_um, "um")
         return f"On held-out readings they differ by {quantity(after, 'um')} rms; rounding explains {steps} of it."
     else:
-        return f"On held-out readings a gap of {quantity(after, 'um')} rms remains; {floor}."
+        return f"On held-out readings a gap of {quantity(alone, 'um')} rms remains; {floor}."
     closed = measured.closes if findings.is_corrected else None
     told = "" if closed is None else f". {percent(closed)} of the gap is closed"
     return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}{told}."

@@ -103,6 +103,8 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
     simulated = [title_of(x.id) for x in findings.simulated]
     simulated += ["the equation below"] if findings.search.best.hypothesis.equation is not None else []
     simulated += ["the model's own numbers fitted"] if findings.search.best.hypothesis.own is not None else []
+    corrected_label = f"with {listed(simulated)}"
+    bars = gap_bars(measured, corrected_label)
     return {
         "verdict": findings.verdict,
         "chip": CHIPS[findings.verdict],
@@ -113,7 +115,8 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "is_open": any(not x["certain"] for x in result["effects"]),
         "reason": _sentence(result["reason"]) if findings.verdict in ("likely", "ambiguous", "unexplained") else "",
         "base_model": _model_words(findings.search.base),
-        "gap_bars": gap_bars(measured, f"with {listed(simulated)}" if simulated else "as the FMU"),
+        "gap_bars": [x for x in bars if simulated or x["kind"] != "with"],
+        "corrected_label": corrected_label,
         "held_out": measured.judged,
         "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
         "stands_in": "foreign_model" in result,
