@@ -20,7 +20,7 @@ from bender_discrepancy.experiment import design as experiment
 from bender_discrepancy.experiment.design import SWEPT, SWEPT_FARTHER, Experiment, design
 from bender_discrepancy.experiment.profiles import Limits, Sine
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.report.visible_section import NEVER, visible_rows
+from bender_discrepancy.report.visible_section import never_visible, visible_rows
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.errors import InputError
@@ -203,8 +203,8 @@ def test_what_no_command_would_show_is_said_to_be_invisible() -> None:
     found = smallest_visible(search)["slew_limit"]
     assert found.value is None
     assert found.to_dict()["value"] is None
-    (row,) = visible_rows({"slew_limit": found.to_dict()})
-    assert row["size"] == NEVER
+    assert visible_rows({"slew_limit": found.to_dict()}) == []
+    assert len(never_visible({"slew_limit": found.to_dict()})) == 1
 
 
 def test_every_effect_of_the_catalogue_has_a_size_that_can_be_told() -> None:
@@ -216,5 +216,5 @@ def test_every_effect_of_the_catalogue_has_a_size_that_can_be_told() -> None:
         assert written["unit"] == EFFECTS[name].parameters[written["parameter"].partition("[")[0]].unit
         assert written["shown"] == ("below" if name in ("slew_limit", "saturation") else "above")
     rows = visible_rows({name: x.to_dict() for name, x in found.items()})
-    assert [x["title"] for x in rows] == [EFFECTS[name].title for name in found]
+    assert [x["title"] for x in rows] == [EFFECTS[name].title for name, x in found.items() if x.value is not None]
     assert next(x["size"] for x in rows if x["parameter"] == "frequency_ratio") != "1"
