@@ -388,7 +388,7 @@ def _searched(
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     searched = without_unseen_modes(base, observations)
     problem = problem_of(searched, observations)
-    sought = eligible(candidate_forms(searched, observations), how)
+    sought = eligible(candidate_forms(searched, begun), how)
     told = _testimony(searched, records, sought, how)
     supported = told.left(sought)
     candidates = affordable(searched, supported, observations)
@@ -400,7 +400,7 @@ def _searched(
     others = () if cut or how.untimed or how.start != "auto" else whole
     rules = rules_for(how)
     catalogue = Catalogue(
-        _kits(_kit(None, searched, candidates, observations), structures, observations, told, how),
+        _kits(_kit(None, searched, candidates, observations), structures, begun, observations, told, how),
         told.first(candidates),
         most,
     )
@@ -447,17 +447,30 @@ def _searched(
 
 
 def _kits(
-    given: Kit, structures: Sequence[Model], observations: Sequence[Observations], told: Witnesses, how: Settings
+    given: Kit,
+    structures: Sequence[Model],
+    whole: Sequence[Observations],
+    observations: Sequence[Observations],
+    told: Witnesses,
+    how: Settings,
 ) -> tuple[Kit, ...]:
     """Return what may be put into the model as given and into each structure that competes with it.
 
     Where structures compete, none was given: their own numbers are not off, so no change of one is an effect.
+
+    Args:
+        given: of the model as given.
+        structures: that compete with it.
+        whole: records that forms are sized to.
+        observations: of their rows that are searched.
+        told: by other channels.
+        how: records are read.
     """
     if not structures:
         return (given,)
     kits = [given]
     for x in structures:
-        forms = affordable(x, told.left(eligible(candidate_forms(x, observations), how)), observations)
+        forms = affordable(x, told.left(eligible(candidate_forms(x, whole), how)), observations)
         kits.append(_kit(x, x, forms, observations))
     return tuple(x.without_changes_of_numbers() for x in kits)
 

@@ -21,7 +21,7 @@ from bender_discrepancy.records.noise import (
     quiet_medians,
 )
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.records.spectrum import without_line
+from bender_discrepancy.records.spectrum import are_even, bin_s, without_line
 from bender_discrepancy.search.noise import floor_square_um2
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -196,3 +196,13 @@ def test_white_noise_has_no_line_and_even_rows_show_theirs_anyway():
     assert sum(found) <= 8
     few = rng.standard_normal(15)
     assert without_line(uneven_s[:15], few, everything[:15]) is few
+
+
+@given(st.floats(1e-4, 10.0), st.integers(0, 99))
+def test_rows_that_are_missing_leave_a_grid_even(step_s: float, seed: int) -> None:
+    kept = np.flatnonzero(np.append([True, True, True], np.random.default_rng(seed).random(60) > 0.25))
+    time_s = (step_s * kept).astype(np.float64)
+    assert are_even(time_s)
+    assert bin_s(time_s) == pytest.approx(step_s)
+    jittered = time_s + 0.1 * step_s * np.random.default_rng(seed).random(time_s.size)
+    assert not are_even(jittered)

@@ -381,9 +381,9 @@ def test_excerpts_are_short_and_keep_what_the_rows_show(hold):
     parts = excerpts([whole])
     assert sum(x.time_s.size for x in parts) <= 1.1 * MOST_ROWS
     assert all(np.all(np.diff(x.time_s) > 0.0) for x in parts)
-    # most of the excerpt lies where it moves
+    # what moves shows
     counted = np.concatenate([x.measured_um[x.fitted | x.held_out] for x in parts])
-    assert np.std(counted) > 0.99 * np.std(read)
+    assert np.std(counted) > 0.9 * np.std(read)
     assert excerpts([parts[0]]) == [parts[0]]
 
 

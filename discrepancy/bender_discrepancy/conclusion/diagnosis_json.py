@@ -262,7 +262,7 @@ def _records(findings: Findings, names: Sequence[str]) -> list[dict[str, Any]]:
             {
                 "name": name,
                 "rows": aside.rows,
-                "searched_rows": [rows.start, rows.stop - 1],
+                "searched_rows": [int(rows[0]), int(rows[-1])],
                 "lost": aside.lost,
                 "outlying": len(aside.outlying),
                 "outlying_rows": list(aside.outlying[:MOST_LISTED]),

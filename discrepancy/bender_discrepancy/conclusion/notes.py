@@ -312,8 +312,8 @@ def _begun(search: SearchResult) -> list[str]:
 
 def _searched_in_part(search: SearchResult) -> list[str]:
     return [
-        f"{_name(search, k)}the search used {x.rows} of {x.whole.measured_um.size} rows, lines "
-        f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap is measured over all rows"
+        f"{_name(search, k)}the search used {x.rows.size} of {x.whole.measured_um.size} rows, spread over lines "
+        f"{x.rows[0] + FIRST_LINE} to {x.rows[-1] + FIRST_LINE}; the gap is measured over all rows"
         + _but_for(x.after_a_guess)
         for k, x in enumerate(search.excerpts)
         if not x.is_all

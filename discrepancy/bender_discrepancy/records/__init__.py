@@ -9,7 +9,7 @@
 | `roles` | what each block of a record is for: fitted, chosen on, reported on |
 | `excitation` | what a command excites |
 | `command_lines` | the lines of a command that is a few sines |
-| `excerpt` | the part of a long record that is searched |
+| `excerpt` | the rows of a long record that are searched |
 | `initial_motion` | the start of a record in the middle of a motion |
 | `spectrum` | the spectrum of a residual over its instants |
 | `ringing` | what rings from before a record |

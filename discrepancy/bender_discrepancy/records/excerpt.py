@@ -1,22 +1,26 @@
-"""Long records: effects are sought in an excerpt of each, whose plant remembers what was commanded before it."""
+"""Long records: effects are sought in rows from all over each, whose plant remembers what was commanded in between.
+
+The commands are simulated one and all as far as that takes no longer than a record of usual length; of a still longer
+record, one window is, and what was commanded before it is told by its extremes and means.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bender_compiled.simulation import Drive
-from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_discrepancy.records.observations import Array, Observations
 from bender_discrepancy.records.roles import held_out_and_reported
 from bender_loop.records.initial_motion import starts_at_rest
+from bender_loop.records.telling_rows import Rows, changing_commands, first_row, telling_rows, telling_window
 
-# of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
-# long, but for slow rows: a mode of 104 Hz can then be simulated in full, so that every effect can be tried
+# of all records together: more rows than these are searched in part. So many changes of the command, and so long a
+# time, are then simulated, in which a mode of 104 Hz can be simulated in full, so that every effect can be tried; so
+# many rows of that time are read
 MOST_ROWS = 20_000
 EXCERPT_ROWS = 10_000
-EXCERPT_S = 270.0
+EXCERPT_S = 1_500.0
 FEWEST_ROWS = 2_000
 # a row after which a smooth course is followed costs as many sub-steps of a search as so many held ones
 SMOOTH_ROW = 3
@@ -24,7 +28,6 @@ SMOOTH_ROW = 3
 MOST_UNTIMED_ROWS = 500
 # of one excerpt, however many records there are
 FEWEST_OF_ONE = 100
-AS_GOOD = 0.9
 # commands before an excerpt that are kept as they were; older ones are told by their extremes and their mean
 EXACT_COMMANDS = 2_000
 BLOCKS_PER_AGE = 8
@@ -32,40 +35,36 @@ BLOCKS_PER_AGE = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excerpt:
-    """Which rows of a record were searched: `rows` of them from row `first` on; `whole` is the record.
+    """Which rows (k,) of a record were searched, in their order; `whole` is the record.
 
     The first `after_a_guess` rows tell what was commanded before the record, which is a guess. They count nowhere.
     """
 
     whole: Observations
-    first: int
-    rows: int
+    rows: Rows
     after_a_guess: int = 0
-
-    @property
-    def window(self) -> slice:
-        """The rows that were searched."""
-        return slice(self.first, self.first + self.rows)
 
     @property
     def is_all(self) -> bool:
         """Whether every row of the record was searched."""
-        return self.rows == self.whole.measured_um.size
+        return self.rows.size == self.whole.measured_um.size
 
     def seen(self) -> Observations:
         """Return the observations of the excerpt, by the clock of the record."""
         if self.is_all:
             return self.whole
         x = self.whole
-        roles = held_out_and_reported(x.usable[self.window], x.command_V[self.window])
+        drive, commands = _drive_of(x, self.rows)
+        held_out, reported = held_out_and_reported(x.usable[self.rows], x.command_V[self.rows])
         return replace(
             x,
-            drive=_drive_of(x, self.window),
-            measured_um=x.measured_um[self.window],
-            usable=x.usable[self.window],
-            held_out=roles[0],
-            reported=roles[1],
-            lacking_um=None if x.lacking_um is None else x.lacking_um[self.window],
+            drive=drive,
+            measured_um=x.measured_um[self.rows],
+            usable=x.usable[self.rows],
+            held_out=held_out,
+            reported=reported,
+            lacking_um=None if x.lacking_um is None else x.lacking_um[self.rows],
+            commands=commands,
         )
 
     def judged(self, seen: Observations) -> Observations:
@@ -75,89 +74,64 @@ class Excerpt:
         usable, held_out = self.whole.usable.copy(), np.ones(self.whole.usable.size, dtype=np.bool_)
         reported = held_out.copy()
         usable[: self.after_a_guess] = False
-        usable[self.window], held_out[self.window] = seen.usable, seen.held_out
-        reported[self.window] = seen.reported
+        usable[self.rows], held_out[self.rows] = seen.usable, seen.held_out
+        reported[self.rows] = seen.reported
         return replace(self.whole, usable=usable, held_out=held_out, reported=reported)
 
 
 def excerpts(observations: Sequence[Observations], untimed: bool = False) -> tuple[Excerpt, ...]:
     """Return what of every record is searched: all of it, unless the records are long."""
     if sum(_cost(x) * x.measured_um.size for x in observations) <= (MOST_UNTIMED_ROWS if untimed else MOST_ROWS):
-        return tuple(Excerpt(x, 0, x.measured_um.size) for x in observations)
-    return tuple(_excerpt(x, MOST_UNTIMED_ROWS if untimed else _timed_rows(x), len(observations)) for x in observations)
-
-
-def _timed_rows(x: Observations) -> int:
-    return max(int(min(EXCERPT_ROWS / _cost(x), EXCERPT_S / float(np.median(np.diff(x.time_s))))), FEWEST_ROWS)
+        return tuple(Excerpt(x, np.arange(x.measured_um.size)) for x in observations)
+    return tuple((_untimed_excerpt if untimed else _excerpt)(x, len(observations)) for x in observations)
 
 
 def _cost(x: Observations) -> int:
     return SMOOTH_ROW if x.drive.smooth else 1
 
 
-def _excerpt(x: Observations, most: int, records: int) -> Excerpt:
-    rows = min(max(most // records, FEWEST_OF_ONE), x.measured_um.size)
-    # what was commanded before the first row of a record in motion is a guess
-    known = 0 if starts_at_rest(x.command_V) else min(EXACT_COMMANDS, x.measured_um.size - rows)
-    return Excerpt(x, known + first_row(x.command_V[known:], x.usable[known:], rows), rows, known)
+def _untimed_excerpt(x: Observations, records: int) -> Excerpt:
+    rows = min(max(MOST_UNTIMED_ROWS // records, FEWEST_OF_ONE), x.measured_um.size)
+    known = _known(x, rows)
+    return Excerpt(x, known + first_row(x.command_V[known:], x.usable[known:], rows) + np.arange(rows), known)
 
 
-def first_row(command_V: Array, read: Mask, rows: int) -> int:
-    """Return the first row of the earliest window of so many rows that shows nearly as much of a record as any other.
-
-    Args:
-        command_V: (n,) of every row.
-        read: (n,) which rows have a reading.
-        rows: of the window.
-    """
-    if rows >= command_V.size:
-        return 0
-    shown = shown_parts(command_V, read, rows)
-    return int(np.argmax(shown >= AS_GOOD * float(shown.max())))
+def _excerpt(x: Observations, records: int) -> Excerpt:
+    longest = max(int(EXCERPT_S / float(np.median(np.diff(x.time_s)))), FEWEST_ROWS)
+    known = _known(x, min(longest, x.measured_um.size))
+    volts, read = x.command_V[known:], x.usable[known:]
+    window = telling_window(volts, read, longest, max(MOST_ROWS // (records * _cost(x)), FEWEST_OF_ONE))
+    most = max(EXCERPT_ROWS // records, FEWEST_OF_ONE)
+    return Excerpt(x, known + window.start + telling_rows(volts[window], read[window], most), known)
 
 
-def shown_parts(command_V: Array, read: Mask, rows: int) -> Array:
-    """Return what part of a record's spectrum and amplitudes every window of so many rows shows, shape (n - rows + 1,).
-
-    Of the spectrum: for each octave of times, the mean square change of the command over such a time before a reading
-    in the window, as far as it reaches that of the record (a spectrum by Haar's wavelets). Of the amplitudes: the range
-    of the window's commands in parts of that of the record.
-    """
-    span_V = float(np.ptp(command_V))
-    if span_V == 0.0:
-        return np.ones(command_V.size - rows + 1)
-    octaves = [shown for k in range(rows.bit_length()) if (shown := _octave(command_V, read, rows, 2**k)) is not None]
-    size, origin = rows, -(rows // 2)
-    ranges = maximum_filter1d(command_V, size, origin=origin) - minimum_filter1d(command_V, size, origin=origin)
-    spectrum = np.mean(octaves, axis=0) if octaves else 1.0
-    return spectrum * ranges[: command_V.size - rows + 1] / span_V
+def _known(x: Observations, rows: int) -> int:
+    """Return how many rows go before a window of so many: what was commanded before a record in motion is a guess."""
+    return 0 if starts_at_rest(x.command_V) else min(EXACT_COMMANDS, x.measured_um.size - rows)
 
 
-def _octave(command_V: Array, read: Mask, rows: int, lag: int) -> Array | None:
-    """Return how far each window reaches the record's mean square change over so many rows; None where that is none."""
-    if lag >= command_V.size:
-        return None
-    changes = np.square(command_V[lag:] - command_V[:-lag]) * read[lag:]
-    if not changes.any():
-        return None
-    cumulated = np.concatenate([np.zeros(lag + 1), np.cumsum(changes)])
-    sums = cumulated[rows:] - cumulated[:-rows]
-    return np.minimum(sums / rows / float(changes.sum() / command_V.size), 1.0)
-
-
-def _drive_of(x: Observations, window: slice) -> Drive:
+def _drive_of(x: Observations, rows: Rows) -> tuple[Drive, Rows]:
+    """Return the drive of some rows (k,), and which of its commands is that of each row, counted from the last one."""
     leads = x.drive.voltage_V.size - x.measured_um.size
-    begin, end = leads + window.start, leads + window.stop
-    kept = np.concatenate([_kept_commands(x.drive.voltage_V[:begin]), np.arange(begin, end)])
+    begin, end = leads + int(rows[0]), leads + int(rows[-1]) + 1
+    within = begin + _changing(x.drive, slice(begin, end))
+    kept = np.concatenate([_kept_commands(x.drive.voltage_V[:begin]), within])
     volts = x.drive.voltage_V.copy()
     for block in _blocks(begin):
         volts[block] = _without_detail(volts[block])
-    return replace(
+    drive = replace(
         x.drive,
-        row_time_s=x.drive.row_time_s[window],
+        row_time_s=x.drive.row_time_s[rows],
         command_time_s=x.drive.command_time_s[kept],
         voltage_V=volts[kept],
     )
+    return drive, np.searchsorted(kept, leads + rows, side="right") - 1 - kept.size
+
+
+def _changing(drive: Drive, commands: slice) -> Rows:
+    """Return which of some commands tell all of them."""
+    volts = drive.voltage_V[commands]
+    return np.arange(volts.size) if drive.smooth else changing_commands(volts, drive.linear)
 
 
 def _blocks(count: int) -> list[slice]:
@@ -187,7 +161,7 @@ def _without_detail(volts: Array) -> Array:
     return found
 
 
-def _kept_commands(volts: Array) -> NDArray[np.intp]:
+def _kept_commands(volts: Array) -> Rows:
     """Return which commands tell those before an excerpt, whose details are gone: where something changes."""
     found = list(range(max(volts.size - EXACT_COMMANDS, 0), volts.size))
     for block in _blocks(volts.size):

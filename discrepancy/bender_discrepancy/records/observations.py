@@ -40,6 +40,8 @@ class Observations:
         lacking_um: (n,) what was taken from the readings before, by which a black box differs from its stand-in; None
             for nothing.
         same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
+        commands: (n,) which of the drive's commands is that of each row, counted from the last one (-1); None where
+            the last ones are, one for every row.
     """
 
     drive: Drive
@@ -51,6 +53,7 @@ class Observations:
     start: Start = "rest"
     lacking_um: Array | None = None
     same_zero: bool = False
+    commands: NDArray[np.intp] | None = None
 
     @property
     def read_um(self) -> Array:
@@ -76,6 +79,8 @@ class Observations:
     @property
     def command_V(self) -> Array:
         """Command of every row; what a lead-in commanded before the first one is left out."""
+        if self.commands is not None:
+            return self.drive.voltage_V[self.commands]
         return self.drive.voltage_V[-self.measured_um.size :]
 
     @property

@@ -17,9 +17,10 @@ LINE_BY_CHANCE = 0.01
 
 
 def are_even(time_s: Array) -> bool:
-    """Return whether rows follow each other in equal steps."""
+    """Return whether rows lie on a grid of equal steps, of which some may be missing."""
     steps = np.diff(time_s)
-    return float(np.ptp(steps)) < EVEN * float(np.median(steps))
+    rows = steps / float(np.median(steps))
+    return bool(np.all(np.abs(rows - np.rint(rows)) < EVEN * np.rint(rows)))
 
 
 def bin_s(time_s: Array) -> float:

@@ -148,6 +148,7 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
         held_out=roles[0],
         reported=roles[1],
         lacking_um=None if x.lacking_um is None else x.lacking_um[rows],
+        commands=rows - x.usable.size,
     )
 
 

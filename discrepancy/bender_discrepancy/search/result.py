@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
@@ -16,6 +18,7 @@ from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
+from bender_loop.records.telling_rows import Rows
 from bender_plant.model import Model
 
 
@@ -78,10 +81,10 @@ class SearchResult:
         return self.found.best
 
     @property
-    def searched(self) -> tuple[slice, ...]:
+    def searched(self) -> tuple[Rows, ...]:
         """The rows of every record in which effects were sought."""
-        all_of_them = tuple(slice(0, len(record)) for record in self.records)
-        return tuple(x.window for x in self.excerpts) or all_of_them
+        all_of_them = tuple(np.arange(len(record)) for record in self.records)
+        return tuple(x.rows for x in self.excerpts) or all_of_them
 
     @property
     def whole(self) -> tuple[Observations, ...]:

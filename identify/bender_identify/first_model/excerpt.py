@@ -1,8 +1,9 @@
-"""A part of a long record that is enough to choose a structure: fewer rows where they are dense, then a few stretches.
+"""A part of a long record that is enough to choose a structure.
 
-Rows are left out only where input and readings hold next to nothing above what the remaining ones still show, so that a
-ringing keeps its rows. What is still too long is cut to stretches from all over the record, each with rows before it
-that bring the plant into its motion and that count for nothing.
+Of a held input, rows that show what is quick and what is slow are read, under as much of the input as can be simulated
+again and again. Of one that runs on between its rows, rows are left out only where input and readings hold next to
+nothing above what the remaining ones still show, so that a ringing keeps its rows. What is still too long is cut to
+stretches from all over the record. Rows before a part bring the plant into its motion and count for nothing.
 """
 
 from collections.abc import Sequence
@@ -13,10 +14,13 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
 from bender_identify.records.experiment import Experiment
+from bender_loop.records.telling_rows import changing_commands, telling_rows, telling_window
 
 Array = NDArray[np.float64]
 
 MOST_ROWS = 2000
+MOST_CHANGES = 3
+"""Of a held input, for every row that is read."""
 STRETCHES = 4
 LEAD_IN = 0.15
 """Of a stretch: its rows that bring the plant into its motion."""
@@ -43,6 +47,8 @@ def excerpts(experiments: Sequence[Experiment], most_rows: int = MOST_ROWS) -> l
 
 
 def _excerpts_of(x: Experiment, most_rows: int) -> list[Experiment]:
+    if x.time_s.size > most_rows and x.timed and not (x.drive.linear or x.drive.smooth):
+        return [_telling_part(x, most_rows)]
     every = min(_rows_apart(x), -(-x.time_s.size // most_rows))
     if x.time_s.size <= most_rows * every:
         return [_stretch(x, 0, x.time_s.size, every, x.lead_rows == 0)]
@@ -50,6 +56,28 @@ def _excerpts_of(x: Experiment, most_rows: int) -> list[Experiment]:
     length = most_rows * every // count
     begins = _begins(x, count, length)
     return [_stretch(x, int(a), int(a) + length, every, a == 0 and x.lead_rows == 0) for a in begins]
+
+
+def _telling_part(x: Experiment, most_rows: int) -> Experiment:
+    """Return rows of a record from all over it, or from all over a window where the input changes too often."""
+    window = telling_window(x.acting_V, np.isfinite(x.measured_um), x.time_s.size, MOST_CHANGES * most_rows)
+    rows = window.start + telling_rows(x.acting_V[window], np.isfinite(x.measured_um[window]), most_rows)
+    whole, lead = x.drive, x.lead_rows
+    aside = np.zeros(rows.size, dtype=bool)
+    first, last = 0, int(np.searchsorted(whole.command_time_s, x.time_s[rows[-1]], side="right"))
+    if window.start:
+        # the plant comes into its motion
+        first, lead = max(int(np.searchsorted(whole.command_time_s, x.time_s[rows[0]], side="right")) - 1, 0), 0
+        aside[: max(2, int(LEAD_IN * rows.size))] = True
+    told = first + changing_commands(whole.voltage_V[first:last], linear=False)
+    read_s = np.concatenate([whole.row_time_s[:lead], x.time_s[rows]])
+    drive = replace(
+        whole, row_time_s=read_s, command_time_s=whole.command_time_s[told], voltage_V=whole.voltage_V[told]
+    )
+    return replace(
+        x, time_s=x.time_s[rows], measured_um=x.measured_um[rows], acting_V=x.acting_V[rows], drive=drive,
+        rough_drive=drive, lead_rows=lead, fitted=x.fitted[rows] & ~aside, held_out=x.held_out[rows] & ~aside,
+    )  # fmt: skip
 
 
 def _begins(x: Experiment, count: int, length: int) -> list[int]:

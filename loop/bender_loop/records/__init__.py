@@ -14,6 +14,7 @@
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
 | `scale` | answers that are tenfold, a thousandfold or a millionfold off |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
+| `telling_rows` | rows of a long record that show what is quick and what is slow |
 | `variables` | the input and the output of an FMU that a record goes with |
 | `zero_move` | a sensor whose zero moved while it recorded |
 """

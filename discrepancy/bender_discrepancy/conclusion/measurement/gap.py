@@ -276,14 +276,14 @@ def _shown_by_readings_um(left: list[Array]) -> float:
 def _without_outlying(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:
     """Return a record without the outlying readings outside of its excerpt, which no search has set aside."""
     stray: Mask = outlying(x, x.measured_um - simulated, noise_um)
-    stray[excerpt.window] = False
+    stray[excerpt.rows] = False
     return x.without(stray)
 
 
 def _searched(search: SearchResult, readings: list[Array]) -> list[Array]:
     if not search.excerpts:
         return readings
-    return [y[x.window] for x, y in zip(search.excerpts, readings, strict=True)]
+    return [y[x.rows] for x, y in zip(search.excerpts, readings, strict=True)]
 
 
 def _build(model: Model, fmu: Path) -> Path:
