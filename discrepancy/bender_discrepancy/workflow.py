@@ -136,7 +136,10 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
     lowest = min(_lowest_Hz(x) for x in observations)
     line_Hz = _quickest_line_Hz(observations, highest_Hz)
-    sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio, lowest, line_Hz)
+    ends = [y for x in observations for y in (float(np.min(x.command_V)), float(np.max(x.command_V)))]
+    furthest = max(ends, key=abs)
+    film = is_piezo_bender(base)
+    sizes = Sizes(span, stroke, duration, first_Hz, film, highest_Hz, damping_ratio, lowest, line_Hz, furthest)
     own = len(observations)
     found = forms_for(base, sizes)
     return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)

@@ -48,6 +48,10 @@ EXAMPLES: list[tuple[str, dict[str, Any]]] = [
     ),
     (
         "rate_independent_hysteresis",
+        {"thresholds_V": (2.0, 12.0), "weights_um_per_V": (0.1, 0.05), "reached_V": 20.0},
+    ),
+    (
+        "rate_independent_hysteresis",
         {"form": "bouc_wen", "alpha_um_per_V": -0.3, "beta_1_per_V": 0.1, "gamma_1_per_V": 0.05},
     ),
     ("creep", {"gains": (0.2,), "time_constants_s": (0.1,)}),

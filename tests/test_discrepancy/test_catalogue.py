@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -301,6 +302,22 @@ def test_a_loop_saturates_within_the_voltages_that_showed_it(form, knee, share):
     loop = [numbers[f"{form.effect}.{x}"] for x in ("alpha", "beta", "gamma")] + [1.0]
     span_V = OTHER_DEVICE.span_V
     assert along(0.0, 100.0 * span_V, *loop) <= 1.6 * along(0.0, span_V, *loop)
+
+
+(LEANING,) = (form for form in forms(OTHER_DEVICE) if "lean" in form.name)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=12, max_size=12), st.floats(-1.0, 1.0))
+def test_plays_that_lean_have_no_weight_below_nought_within_the_commands(weights: list[float], place: float):
+    """The slope of what a play adds, p + 2 q F, is not negative where the play may stand."""
+    block = LEANING.apply(load_model("beam"), (*weights, 0.0, 0.0, 0.0)).blocks
+    (plays,) = (x.parameters for x in block if x.id == LEANING.effect)
+    at_V = place * OTHER_DEVICE.span_V
+    slopes = np.array(plays.weights_um_per_V) + 2.0 * at_V * np.array(plays.quadratic_um_per_V2)
+    expected = 0.5 * (1.0 - place) * np.array(weights[:6]) + 0.5 * (1.0 + place) * np.array(weights[6:])
+    assert slopes == pytest.approx(expected, abs=1e-12)
+    assert np.all(slopes >= -1e-12)
+    assert plays.reached_V == OTHER_DEVICE.span_V
 
 
 def test_a_loop_that_is_lost_where_the_voltage_turns_is_no_answer():

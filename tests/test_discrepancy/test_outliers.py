@@ -9,6 +9,7 @@ from reported_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.records.digits import lattice_step_um
+from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations, observe
 from bender_discrepancy.records.outliers import (
     AFTER_A_JUMP_ROWS,
@@ -69,6 +70,23 @@ def test_a_jump_is_five_usual_changes(change: float, seen: bool):
     volts = 0.1 * np.arange(60, dtype=float)
     volts[40:] += change - 0.1
     assert after_jumps(volts)[40] == seen
+
+
+def test_rows_that_are_left_out_between_others_are_no_jumps_of_the_command():
+    """Of a ramp and a few steps, some stretches are read: the first rows behind the steps are late, and no strays."""
+    rng = np.random.default_rng(4)
+    stairs = np.repeat(10.0 * np.array([0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0], dtype=float), 200)
+    volts = np.concatenate([stairs, 0.25 * np.abs(np.arange(8000) % 400 - 200.0)])
+    residual = NOISE_um * rng.standard_normal(volts.size)
+    late = np.flatnonzero(np.diff(volts[:2200])) + 2
+    residual[late] = 30.0 * NOISE_um
+    whole = observed(volts, residual)
+    stretches = 25 * np.arange(volts.size // 25)
+    behind = np.isin(stretches, 25 * (late // 25))
+    chosen = stretches[behind | (stretches > 2200) & (stretches // 25 % 2 == 0)]
+    rows = (chosen[:, None] + np.arange(25)).ravel()
+    seen = Excerpt(whole, rows).seen()
+    assert not outlying(seen, residual[rows], NOISE_um)[np.isin(rows, late)].any()
 
 
 def test_only_usable_rows_are_neighbours():

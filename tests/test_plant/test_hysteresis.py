@@ -111,6 +111,30 @@ def test_each_power_of_a_play_adds_what_it_lags_behind_that_power_of_the_voltage
         assert added_um == pytest.approx([weight * (play_V**power - u**power)] * 3, abs=1e-9)
 
 
+@given(
+    path=st.lists(voltage, min_size=1, max_size=6),
+    reached_V=st.floats(-30.0, 30.0),
+    quadratic=st.floats(-0.01, 0.01),
+)
+def test_plays_in_use_begin_as_virgin_ones_that_were_driven_before(
+    path: list[float], reached_V: float, quadratic: float
+) -> None:
+    block = BLOCKS["rate_independent_hysteresis"]
+    assert block.step is not None
+    many = {"thresholds_V": (3.0, 9.0), "weights_um_per_V": (0.1, 0.2), "quadratic_um_per_V2": (quadratic, 0.0)}
+    used = block.constants(block.parameters(**many, reached_V=reached_V), None)
+    virgin = block.constants(block.parameters(**many), None)
+    state, before = block.initial(used), block.initial(virgin)
+    for u in (reached_V, 0.0):
+        before, *rest = block.step(before, virgin, 0.0, 1.0, 0.0, 0.0, 0.0, u, u, u)
+    # it reads nothing at rest
+    assert block.step(state, used, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[1:] == pytest.approx((0.0,) * 3, abs=1e-12)
+    for u in path:
+        state, *added = block.step(state, used, 0.0, 1.0, 0.0, 0.0, 0.0, u, u, u)
+        before, *expected = block.step(before, virgin, 0.0, 1.0, 0.0, 0.0, 0.0, u, u, u)
+        assert np.subtract(expected, added) == pytest.approx(rest, abs=1e-9)
+
+
 @pytest.mark.parametrize("exponent", few([1.0, 1.5, 3.0], 1))
 @pytest.mark.parametrize("printed", [False, True])
 def test_bouc_wen_against_solve_ivp(exponent: float, printed: bool) -> None:

@@ -63,6 +63,7 @@ class Sizes:
             span. Those of other rigs scale with the records.
         lowest_Hz: of the commands, below which they hold nothing; 0 where they step or stand.
         quickest_line_Hz: of the spectra of the records; rows at uneven times show lines beyond `highest_Hz`.
+        furthest_V: the voltage of the records that is furthest from 0, with its sign; 0 where it is not known.
     """
 
     span_V: float
@@ -74,6 +75,7 @@ class Sizes:
     damping_ratio: float = 0.0
     lowest_Hz: float = 0.0
     quickest_line_Hz: float = math.inf
+    furthest_V: float = 0.0
 
     def sized(self, free: Free, covered: Range, unit: str) -> Free:
         """Return a free number in a unit of the paper's actuator as these records need it.

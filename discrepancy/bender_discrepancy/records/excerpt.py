@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bender_compiled.simulation import Drive
-from bender_discrepancy.records.observations import Array, Observations
+from bender_discrepancy.records.observations import Array, Observations, Part
 from bender_discrepancy.records.roles import held_out_and_reported
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.telling_rows import Rows, changing_commands, first_row, telling_rows, telling_window
@@ -55,6 +55,7 @@ class Excerpt:
             return self.whole
         x = self.whole
         drive, commands = _drive_of(x, self.rows)
+        course_V = x.command_V[self.rows[0] : self.rows[-1] + 1]
         held_out, reported = held_out_and_reported(x.usable[self.rows], x.command_V[self.rows])
         return replace(
             x,
@@ -64,7 +65,7 @@ class Excerpt:
             held_out=held_out,
             reported=reported,
             lacking_um=None if x.lacking_um is None else x.lacking_um[self.rows],
-            commands=commands,
+            part=Part(self.rows, commands, course_V),
         )
 
     def judged(self, seen: Observations) -> Observations:

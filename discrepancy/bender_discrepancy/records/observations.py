@@ -26,6 +26,21 @@ Start = Literal["rest", "motion", "from_voltage", "from_above", "from_below"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Which rows of a longer record observations are of.
+
+    Attributes:
+        rows: (n,) their numbers in the record.
+        commands: (n,) which of the drive's commands is that of each, counted from the last one (-1).
+        course_V: (m,) the command of every row of the record from the first of them to the last.
+    """
+
+    rows: NDArray[np.intp]
+    commands: NDArray[np.intp]
+    course_V: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Observations:
     """One record ready for fits.
 
@@ -40,8 +55,7 @@ class Observations:
         lacking_um: (n,) what was taken from the readings before, by which a black box differs from its stand-in; None
             for nothing.
         same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
-        commands: (n,) which of the drive's commands is that of each row, counted from the last one (-1); None where
-            the last ones are, one for every row.
+        part: of a longer record; None where the rows follow each other and the drive ends with their commands.
     """
 
     drive: Drive
@@ -53,7 +67,7 @@ class Observations:
     start: Start = "rest"
     lacking_um: Array | None = None
     same_zero: bool = False
-    commands: NDArray[np.intp] | None = None
+    part: Part | None = None
 
     @property
     def read_um(self) -> Array:
@@ -79,9 +93,19 @@ class Observations:
     @property
     def command_V(self) -> Array:
         """Command of every row; what a lead-in commanded before the first one is left out."""
-        if self.commands is not None:
-            return self.drive.voltage_V[self.commands]
+        if self.part is not None:
+            return self.drive.voltage_V[self.part.commands]
         return self.drive.voltage_V[-self.measured_um.size :]
+
+    @property
+    def course_V(self) -> Array:
+        """Command of every row of the record from the first of these to the last, those that are left out included."""
+        return self.command_V if self.part is None else self.part.course_V
+
+    @property
+    def places(self) -> NDArray[np.intp]:
+        """(n,) where the rows stand among those of `course_V`."""
+        return np.arange(self.measured_um.size) if self.part is None else self.part.rows - self.part.rows[0]
 
     @property
     def rest_before_V(self) -> float | None:

@@ -104,17 +104,18 @@ def outlying(observations: Observations, residual: Array, noise_um: float, *, wi
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
     late_rows = _late_rows(observations, residual, noise_um)
-    near = after_jumps(observations.command_V, late_rows)
+    near = after_jumps(observations.course_V, late_rows)[observations.places]
     return (found & ~near) | _among_jumps(observations, residual, np.hypot(noise_um, late_um), late_rows)
 
 
 def _late_rows(observations: Observations, residual: Array, noise_um: float) -> int:
     """Return how many rows after a jump of the command the hypothesis begins to move, as a rule."""
     known = np.isfinite(observations.measured_um) & np.isfinite(residual)
-    simulated = np.where(known, observations.measured_um - residual, np.nan)
-    changes = np.flatnonzero(np.diff(observations.command_V)) + 1
+    simulated = np.full(observations.course_V.size, np.nan)
+    simulated[observations.places] = np.where(known, observations.measured_um - residual, np.nan)
+    changes = np.flatnonzero(np.diff(observations.course_V)) + 1
     ends = np.append(changes[1:], simulated.size)[: changes.size]
-    jumps = next(heights_after_jumps_V(observations.command_V)) > 0.0
+    jumps = next(heights_after_jumps_V(observations.course_V)) > 0.0
     found = []
     for before, begin, end in zip(np.append(0, changes[:-1]), changes, ends, strict=True):
         # where the command rests before and after
@@ -129,7 +130,8 @@ def _among_jumps(observations: Observations, residual: Array, scatter_um: Array,
     """Return the rows after jumps that are an exception among them."""
     found = np.zeros(residual.size, dtype=bool)
     near = found.copy()
-    for heights in heights_after_jumps_V(observations.command_V, late_rows):
+    for of_all in heights_after_jumps_V(observations.course_V, late_rows):
+        heights = of_all[observations.places]
         rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
         near[rows] = True
         if rows.size >= FEWEST_ROWS:

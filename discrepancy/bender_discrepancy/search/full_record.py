@@ -16,7 +16,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.starts import scan
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import deviation
-from bender_discrepancy.records.observations import Array, Observations
+from bender_discrepancy.records.observations import Array, Observations, Part
 from bender_discrepancy.records.outliers import EXCEPTIONS
 from bender_discrepancy.records.roles import held_out_and_reported
 from bender_discrepancy.search.budget import BUDGET
@@ -148,7 +148,7 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
         held_out=roles[0],
         reported=roles[1],
         lacking_um=None if x.lacking_um is None else x.lacking_um[rows],
-        commands=rows - x.usable.size,
+        part=Part(rows, rows - x.usable.size, x.command_V[rows[0] : rows[-1] + 1]),
     )
 
 

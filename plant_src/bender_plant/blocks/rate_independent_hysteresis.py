@@ -11,6 +11,9 @@ to 15 % of the span; the paper's actuator shows a loop of at most 8.8 %.
 With the p_k alone the plays are those of Prandtl and Ishlinskii, whose loops are point-symmetric. Every Preisach
 operator is an integral of functions of plays over their half-widths (Brokate and Sprekels 1996, section 2.4); the
 squares and cubes are the first terms of these functions, s_1 to s_3 those of the part that returns the way it came.
+A plant that was never driven begins with every play in its middle. One that has been in use, and stands at 0 V, begins
+where its plays came to rest after the voltage `reached_V`: h counts from there, so that its first cycle is as all later
+ones (the one-sided plays of unipolar actuators, Kuhnen 2003, doi:10.3166/ejc.9.407-418).
 Beyond the voltages that they were learned from, the latter runs on along the line from 0 V through its end, whose slope
 the records tell far better than that of the curve there, and the plays weigh what they weigh at the end.
 """
@@ -36,7 +39,7 @@ BESIDE = "voltage"
 FORMS = ("plays", "bouc_wen")
 
 _Many = tuple[float, ...]
-_Constants = tuple[_Many, _Many, _Many, _Many, float, float, float, float, float, float, float, float]
+_Constants = tuple[_Many, _Many, _Many, _Many, float, float, float, float, float, float, float, float, float, _Many]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,7 @@ class Parameters:
     gamma_1_per_V: float = parameter(
         0.0, unit="1/V", text="gamma, how the branches differ in that; not above beta in size", tunable=True
     )
+    reached_V: float = parameter(0.0, unit="V", text="voltage that plays reached before they rested at 0 V")
     straight_below_V: float = curve_end(-1e12, "lowest")
     straight_above_V: float = curve_end(1e12, "highest")
 
@@ -88,9 +92,10 @@ class Parameters:
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> _Constants:
-    """Return (r_k, p_k, q_k, c_k, s_1, s_2, s_3, alpha, beta, gamma, low, high).
+    """Return (r_k, p_k, q_k, c_k, s_1, s_2, s_3, alpha, beta, gamma, low, high, h, F_k).
 
-    What the form does not use is empty or 0; beyond low and high curves run straight.
+    What the form does not use is empty or 0; beyond low and high curves run straight; h and F_k are those of the plays
+    at rest.
     """
     del beam
     back = (
@@ -101,15 +106,19 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> _Constants:
     ends = settings.straight_below_V, settings.straight_above_V
     if settings.form == "bouc_wen":
         loop = (settings.alpha_um_per_V, settings.beta_1_per_V, settings.gamma_1_per_V)
-        return ((), (), (), (), *back, *loop, *ends)
+        return ((), (), (), (), *back, *loop, *ends, 0.0, ())
     none = (0.0,) * len(settings.thresholds_V)
     squares, cubes = settings.quadratic_um_per_V2 or none, settings.cubic_um_per_V3 or none
-    return (settings.thresholds_V, settings.weights_um_per_V, squares, cubes, *back, 0.0, 0.0, 0.0, *ends)
+    many = settings.thresholds_V, settings.weights_um_per_V, squares, cubes
+    plays = tuple(play(play(0.0, settings.reached_V, r), 0.0, r) for r in settings.thresholds_V)
+    numbers = zip(plays, settings.weights_um_per_V, squares, cubes, strict=True)
+    at_rest = sum(lagging(x, 0.0, p, q, c, *ends) for x, p, q, c in numbers)
+    return (*many, *back, 0.0, 0.0, 0.0, *ends, at_rest, plays)
 
 
 def initial(constants: _Constants) -> tuple[float, ...]:
-    """Return (h, last v, then every play) at rest."""
-    return (0.0, 0.0) + (0.0,) * len(constants[0])
+    """Return (z, last v, then every play) at rest."""
+    return (0.0, 0.0, *constants[13])
 
 
 def corner(
@@ -147,17 +156,18 @@ def beside(
 ) -> tuple[tuple[float, ...], float, float, float]:  # fmt: skip
     """Add the hysteretic part, advanced along last voltage -> v0 -> vm -> v1."""
     del time_s, h
-    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma, low, high = constants
+    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma, low, high, at_rest, plays = constants
+    del plays
     start = state[0] if v0 == state[1] else along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
     middle = end = start
-    first = start + reversible(v0, s1, s2, s3, low, high)
+    first = start - at_rest + reversible(v0, s1, s2, s3, low, high)
     second = third = first
     moves = not v0 == vm == v1
     if moves:
         middle = along(start, vm - v0, alpha, beta, gamma, 1.0)
         end = along(middle, v1 - vm, alpha, beta, gamma, 1.0)
-        second = middle + reversible(vm, s1, s2, s3, low, high)
-        third = end + reversible(v1, s1, s2, s3, low, high)
+        second = middle - at_rest + reversible(vm, s1, s2, s3, low, high)
+        third = end - at_rest + reversible(v1, s1, s2, s3, low, high)
     after: list[float] = [end, v1]
     for k in range(len(thresholds)):
         r, p, q, c = thresholds[k], weights[k], squares[k], cubes[k]

@@ -144,6 +144,31 @@ def _plays_beside_a_curve(count: int, sizes: Sizes) -> Form:
     return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
 
 
+def _plays_in_use(count: int, sizes: Sizes) -> Form:
+    """Return plays beside a curve, of an actuator that had been driven as far before: its first cycle is as all others.
+
+    Their weights change with the voltage, and are nowhere negative within the commands: each is told by what it is at
+    either end of them.
+    """
+    thresholds = tuple(float(x) for x in sizes.span_V * np.geomspace(0.02, 0.45, count))
+
+    def apply(model: Model, values: Values) -> Model:
+        low, high = values[:count], values[count : 2 * count]
+        alone = dict(zip(REVERSIBLE, values[2 * count :], strict=True))
+        return model.with_block(
+            "rate_independent_hysteresis", form="plays", thresholds_V=thresholds,
+            weights_um_per_V=tuple(0.5 * (a + b) for a, b in zip(low, high, strict=True)),
+            quadratic_um_per_V2=tuple(0.25 * (b - a) / sizes.span_V for a, b in zip(low, high, strict=True)),
+            reached_V=sizes.furthest_V or sizes.span_V, **alone,
+        )  # fmt: skip
+
+    weight = replace(_power("weights_um_per_V", 1, sizes), low=0.0)
+    free = [replace(weight, name=f"{x}_um_per_V[{k + 1}]") for x in ("lowest", "highest") for k in range(count)]
+    name = f"{count} plays of one sign that lean, in use before"
+    numbers = (*free, *_reversible(3, sizes))
+    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
+
+
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     if not sizes.piezo_bender:
         return (
@@ -151,6 +176,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
             _many_slips(6, 1.0, sizes),
             _many_slips(6, -1.0, sizes),
             _plays_beside_a_curve(6, sizes),
+            _plays_in_use(6, sizes),
             _bouc_wen(sizes, reversible=False),
             _bouc_wen(sizes, reversible=True),
         )
