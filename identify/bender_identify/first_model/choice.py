@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, evaluated, fitted, with_deviations
-from bender_identify.first_model.loop_rival import Fold, LoopRival, loop_rival
+from bender_identify.first_model.loop_rival import Fold, LoopRival, behind_leaning_plays, loop_rival
 from bender_identify.first_model.rivals import Rival, best_rival, refitted
 from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
@@ -169,7 +169,7 @@ def first_model(
     final_task = FitTask.of(experiments)
     everything = [x.fitted | x.held_out for x in final_task.experiments]
     if any(x.fit.structure == Structure() for x in wanted):
-        loop = _better_loop(search, scores, [x for x in wanted if x.numbers <= selected.numbers])
+        loop = _better_loop(search, scores, wanted, selected.numbers)
         if loop is not None:
             plays, left = loop
             selected = next(x for x in wanted if x.fit.structure == plays.structure)
@@ -338,21 +338,33 @@ def block_losses(task: FitTask, residuals: Sequence[Array]) -> tuple[Array, Arra
     return np.array(squares), np.array(counts) / sum(counts)
 
 
-def _better_loop(task: FitTask, scores: Sequence[Scored], wanted: Sequence[Scored]) -> tuple[LoopRival, Losses] | None:
+def _better_loop(
+    task: FitTask, scores: Sequence[Scored], wanted: Sequence[Scored], most_numbers: int
+) -> tuple[LoopRival, Losses] | None:
     """Return plays that simulate unseen blocks better than every structure, before the simplest that serves as well.
 
     Args:
         task: the records.
         scores: what plays are compared with.
         wanted: what may stand behind them.
+        most_numbers: of a structure behind plays that do not lean: a linear fit shows no more.
     """
     folds: list[Fold] = [row_masks(task, k) for k in range(FOLDS)]
-    tried = [loop_rival(task, folds, x.fit.structure, [y.values for y in x.fits]) for x in wanted]
-    judged = [(x, _losses(task, x.residuals)) for x in tried if x is not None]
-    if not judged:
+    plain = [x for x in wanted if x.numbers <= most_numbers]
+    tried = [loop_rival(task, folds, x.fit.structure, [y.values for y in x.fits]) for x in plain]
+    known = [x for x in tried if x is not None]
+    found = _simplest_loop(task, known)
+    if found is None or not is_better(_best_of(scores).left, found[1]):
         return None
-    loop, left = judged[_simplest([(len(x.values), y) for x, y in judged])]
-    return (loop, left) if is_better(_best_of(scores).left, left) else None
+    simple = [x.fit.structure for x in wanted if x.fit.structure.lags + x.fit.structure.modes <= 1]
+    leaning = [behind_leaning_plays(task, folds, x, known) for x in simple]
+    better = _simplest_loop(task, [x for x in leaning if x is not None])
+    return better if better is not None and is_better(found[1], better[1]) else found
+
+
+def _simplest_loop(task: FitTask, loops: Sequence[LoopRival]) -> tuple[LoopRival, Losses] | None:
+    judged = [(x, _losses(task, x.residuals)) for x in loops]
+    return judged[_simplest([(len(x.values), y) for x, y in judged])] if judged else None
 
 
 def _better_rival(task: FitTask, scores: Sequence[Scored], selected: Scored) -> tuple[Rival, Losses] | None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bender_identify.first_model.choice import FirstModel
-from bender_identify.first_model.loop_rival import HYSTERESIS, PLAYS, LoopRival
+from bender_identify.first_model.loop_rival import HYSTERESIS, LoopRival
 from bender_identify.first_model.rivals import Rival
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
@@ -164,7 +164,7 @@ def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
         else "the gain alone is written"
     )  # fmt: skip
     return (
-        f"a loop that does not depend on time ({PLAYS} plays) simulates unseen blocks better, {found.loop_rms:.4g} "
+        f"a loop that does not depend on time (plays) simulates unseen blocks better, {found.loop_rms:.4g} "
         f"against {best.held_out_rms:.4g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
         "makes the loop"
     )
