@@ -1,5 +1,7 @@
 """Devices that are not what was diagnosed: drawn, seen late, and judged by how their loop ends."""
 
+from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -7,7 +9,9 @@ import numpy as np
 import pytest
 
 from bender_loop.control.references import Step
+from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record
+from bender_native.ready import ready_plant_fmu
 from bender_proving import Bench, make_case
 from bender_proving.records.excitation import Excitation
 from bender_studies.benchmarks.control import EFFECTS, hidden_benches
@@ -30,6 +34,12 @@ class Integral:
     def step(self, state: float, time_s: float, reading_um: float) -> tuple[float, float]:
         after = min(max(state + self.gain_V_per_um * (10.0 - reading_um), 0.0), 50.0)
         return after, after
+
+
+@pytest.fixture(scope="module")
+def like() -> Iterator[FmuPlant]:
+    with closing(FmuPlant(ready_plant_fmu("paper"))) as plant:
+        yield plant
 
 
 def _ended(swings_um: tuple[float, float]) -> Record:
@@ -59,13 +69,13 @@ def test_a_run_that_stands_away_from_a_setpoint_within_reach_is_unstable():
     assert not is_unstable(_standing(14.0, 14.0, approach_um=-40.0), (1.0, 20.0)), "on the way"
 
 
-def test_a_loop_that_sticks_at_a_limit_is_unstable():
+def test_a_loop_that_sticks_at_a_limit_is_unstable(like: FmuPlant):
     """Of the wrong sign, the integral ends at a limit."""
     case = make_case("single", ("creep",), 3, sensor="camera")
     assert reach(case)[0] < 10.0 < reach(case)[1]
-    found = run_hidden(case, Integral(-1.0), Step(10.0), RATE_HZ, 6.0, seed=None)
+    found = run_hidden(case, Integral(-1.0), Step(10.0), RATE_HZ, 6.0, None, like)
     assert is_unstable(found, reach(case))
-    assert not is_unstable(run_hidden(case, Integral(0.1), Step(10.0), RATE_HZ, 6.0, seed=None), reach(case))
+    assert not is_unstable(run_hidden(case, Integral(0.1), Step(10.0), RATE_HZ, 6.0, None, like), reach(case))
 
 
 def test_reach_is_what_the_voltages_lead_to():
@@ -76,11 +86,11 @@ def test_reach_is_what_the_voltages_lead_to():
     assert half[1] == pytest.approx(0.5 * high, rel=0.1)
 
 
-def test_a_loop_past_its_margin_is_unstable_and_one_within_is_not():
+def test_a_loop_past_its_margin_is_unstable_and_one_within_is_not(like: FmuPlant):
     """u[k] = u[k-1] - k g u[k-2] is stable below k g = 1: with g near 0.4 um/V, one later frame bears 2.5 V/um."""
     case = make_case("single", ("creep",), 3, sensor="camera")
     for gain_V_per_um, expected in ((1.0, False), (3.5, True)):
-        found = run_hidden(case, Late(Integral(gain_V_per_um)), Step(10.0), RATE_HZ, 6.0, seed=None)
+        found = run_hidden(case, Late(Integral(gain_V_per_um)), Step(10.0), RATE_HZ, 6.0, None, like)
         assert is_unstable(found) is expected
 
 

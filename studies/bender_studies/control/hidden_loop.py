@@ -4,6 +4,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from bender_loop.control.plant import SavablePlant, restart
 from bender_loop.control.references import Reference
 from bender_loop.records.record import Array, Record
 from bender_proving import NOISE_UM, Bench, Case
@@ -13,7 +14,6 @@ WINDOW_ROWS, MOST_ROWS = 15, 240
 """So many samples are brought to agree at a time: at first, and at most where they do in a few rounds."""
 FEW_ROUNDS, MANY_ROUNDS = 7, 12
 AGREE_V = 1e-5
-_FROM_V, _STEP_V = 10.0, 5.0
 
 
 class Controller(Protocol):
@@ -29,7 +29,13 @@ class Controller(Protocol):
 
 
 def run_hidden(
-    case: Case, controller: Controller, reference: Reference, rate_Hz: float, duration_s: float, seed: int | None
+    case: Case,
+    controller: Controller,
+    reference: Reference,
+    rate_Hz: float,
+    duration_s: float,
+    seed: int | None,
+    like: SavablePlant,
 ) -> Record:
     """Run the loop from rest; the displacement of the record is the true one, without noise.
 
@@ -37,8 +43,11 @@ def run_hidden(
     guessed, the bench answers them, the controller answers the bench, and this is repeated until the commands of the
     window stay what they are (waveform relaxation: E. Lelarasmee, A. Ruehli and A. Sangiovanni-Vincentelli, IEEE
     Transactions on Computer-Aided Design 1 (1982) 131-145). While a round changes commands, the answer of the bench is
-    moved by what a step of it has shown (waveform Newton). A bench is causal, so after as many rounds as the window
-    has samples they stay. A window is as long as a few rounds allow.
+    moved by as much as that of a plant that can be stepped on, which a play, hysteresis or a limit of the bench makes
+    do as it does itself (deferred correction: V. Pereyra, Numerische Mathematik 10 (1967) 316-323). Once the commands
+    stay, that moves nothing: how near the plant is to the bench decides how many rounds it takes and nothing else. A
+    bench is causal, so after as many rounds as the window has samples they stay whatever the plant is. A window is as
+    long as a few rounds allow.
 
     Args:
         case: what is hidden.
@@ -47,27 +56,32 @@ def run_hidden(
         rate_Hz: samples per second.
         duration_s: of the loop.
         seed: of the noise that the controller sees, None for none.
+        like: a model of the bench; left anywhere.
     """
     bench, count = Bench(case), max(2, round(duration_s * rate_Hz))
     time_s = np.arange(count + 1) / rate_Hz
     volts, tips = np.zeros(count + 1), np.full(count, np.nan)
     noise = noise_um(case, seed, count)
-    state, begin, window = controller.rest(), 0, WINDOW_ROWS
-    answers = _answers_um_per_V(case, rate_Hz)
+    restart(like)
+    state, begin, window, begun = controller.rest(), 0, WINDOW_ROWS, like.save()
     while begin < count:
         end, after, rounds = min(begin + window, count), state, 0
+        answered = _answers_um(like, begun, volts[begin:end], 1.0 / rate_Hz)
         while rounds <= window:
             rounds += 1
             tips[begin:end] = bench.clean(Excitation(case.sensor, time_s[: end + 1], volts[: end + 1]))[begin:end]
-            before, after, moved = volts[begin:end].copy(), state, np.zeros(end - begin)
+            before, after, beyond = volts[begin:end].copy(), state, tips[begin:end] - answered
+            like.restore(begun)
+            answered = np.empty(end - begin)
             for k in range(begin, end):
-                reading_um = float(tips[k] + noise[k] + moved[k - begin])
+                answered[k - begin] = like.read() if k == begin else like.step(float(volts[k - 1]), 1.0 / rate_Hz)
+                reading_um = float(beyond[k - begin] + answered[k - begin] + noise[k])
                 after, volts[k] = controller.step(after, float(time_s[k]), reading_um)
-                moved[k - begin + 1 :] += answers[: end - k - 1] * (volts[k] - before[k - begin])
             volts[end:] = volts[end - 1]
             if np.allclose(volts[begin:end], before, rtol=0.0, atol=AGREE_V):
                 break
-        state, begin = after, end
+        like.step(float(volts[end - 1]), 1.0 / rate_Hz)
+        state, begin, begun = after, end, like.save()
         if rounds <= FEW_ROUNDS:
             window = min(2 * window, MOST_ROWS)
         elif rounds >= MANY_ROUNDS:
@@ -76,13 +90,10 @@ def run_hidden(
     return Record(time_s[rows], volts[rows], tips, setpoint_um=reference.sample(time_s[rows]))
 
 
-def _answers_um_per_V(case: Case, rate_Hz: float) -> Array:
-    """Return by how much the next readings answer a command that stands for one sample, from a step of the bench."""
-    bench, time_s = Bench(case), np.arange(2 * MOST_ROWS + 2) / rate_Hz
-    held = np.full(time_s.size, _FROM_V)
-    stepped = np.where(np.arange(time_s.size) < MOST_ROWS, _FROM_V, _FROM_V + _STEP_V)
-    low, high = (bench.clean(Excitation(case.sensor, time_s, x)) for x in (held, stepped))
-    return np.diff((high - low)[MOST_ROWS : 2 * MOST_ROWS + 1]) / _STEP_V
+def _answers_um(like: SavablePlant, begun: object, volts: Array, period_s: float) -> Array:
+    """Return what a plant reads at each sample of a window before the command of that sample acts."""
+    like.restore(begun)
+    return np.array([like.read(), *(like.step(float(x), period_s) for x in volts[:-1])])
 
 
 def noise_um(case: Case, seed: int | None, count: int) -> Array:

@@ -5,6 +5,7 @@ The controller follows the nominal model, which knows nothing of what is hidden.
 """
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from bender_loop.control import learning
 from bender_loop.fmu.followed_model import Loop, open_follower
+from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Array
 from bender_loop.shell.progress import Cell
 from bender_plant.model import load_model
@@ -103,13 +105,17 @@ def _learnt(case: Case, tuning: Path, passes: int, *, noisy: bool) -> Learnt:
     known, errors = learning.begin(wanted.setpoints_um), []
     loop = Loop(1.0 / RATE_HZ, limits, SLEW_V_PER_S, preview=True)
     best, begins = 0, learning.first_reached(model.dead_time_s, 1.0 / RATE_HZ)
-    with open_follower(model, tuning / model.fmu, gains, loop) as follower:
+    with (
+        open_follower(model, tuning / model.fmu, gains, loop) as follower,
+        closing(FmuPlant(tuning / model.fmu)) as like,
+    ):
         ahead_s = follower.look_ahead_s + model.dead_time_s
         for number in range(passes):
             target = Straight(wanted.times_s, known.target_um)
             seed = passes * case.seed + number if noisy else None
             frames = wanted.times_s.size
-            run = run_hidden(case, Following(follower, target, ahead_s), wanted, RATE_HZ, frames / RATE_HZ, seed)
+            following = Following(follower, target, ahead_s)
+            run = run_hidden(case, following, wanted, RATE_HZ, frames / RATE_HZ, seed, like)
             errors.append(rms_um(run, begins / RATE_HZ))
             read_um = run.displacement_um + noise_um(case, seed, frames)
             known = learning.learn(known, wanted.setpoints_um, read_um, noise, begins)

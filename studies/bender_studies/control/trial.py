@@ -134,6 +134,7 @@ def try_bench(case: Case, folder: Path, trial: Trial) -> Tried:
 
 
 def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
+    from bender_native.ready import ready_plant_fmu
     from bender_tuner.results.gains_file import read_controller
 
     diagnosis = _diagnosis(case, folder)
@@ -161,7 +162,7 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
         return found
     crossover = judgement.robustness.nominal.crossover_rad_per_s
     limit_Hz = crossover / (2.0 * math.pi) if math.isfinite(crossover) else 1.0
-    runs = _Runs(case, gains, limits, followed, folder / "tuned" / followed.fmu)
+    runs = _Runs(case, gains, limits, followed, folder / "tuned" / followed.fmu, ready_plant_fmu(load_model(file)))
     return found | _compared(runs, limit_Hz) | _spread(runs, trial.spread)
 
 
@@ -249,6 +250,7 @@ class _Runs:
     limits: Limits
     model: FollowedModel
     fmu: Path
+    like: Path
     later_frames: int = 0
 
     def run(self, reference: Reference, length_s: float, follow: bool, *, preview: bool) -> Record:
@@ -262,7 +264,8 @@ class _Runs:
                 controller = _Plain(self.gains, self.limits, reference)
             if self.later_frames:
                 controller = Late(controller, self.later_frames)
-            return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed)
+            like = ends.enter_context(closing(FmuPlant(self.like)))
+            return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed, like)
 
     def possible_um(self, stairs: Profile) -> float:
         """The rms of the model that is followed, in the place of the bench and without a shaper."""
