@@ -71,6 +71,7 @@ def test_windows_give_the_loop_of_single_samples(effects: tuple[str, ...]):
     assert found.displacement_um == pytest.approx(tips, abs=5 * AGREE_V)
 
 
+@pytest.mark.slow
 def test_a_model_with_the_play_of_the_bench_takes_few_rounds(monkeypatch: pytest.MonkeyPatch):
     """Taken to be linear, a bench with a play in it takes a round for nearly every sample."""
     case, asked = make_case("single", ("backlash",), 3, sensor="camera"), []

@@ -68,7 +68,7 @@ def claims(found: Sequence[Tried]) -> list[list[Cell]]:
         rows.append(["hysteresis left by the inverse alone, of a slow triangle: worst", "2.5 %", f"{max(loops):.1f} %"])
     for what, least in (
         ("the dead time alone costs", [x.dead_time_um for x in run]),
-        ("dead time and bounds of the command cost", [x.possible_um for x in run]),
+        ("no controller can avoid on these benches", [x.possible_um for x in run]),
     ):
         above = np.array([_above(x, least_um) for x, least_um in zip(run, least, strict=True)])
         text = f"{np.median(above):.0f} %, {above.max():.0f} %"

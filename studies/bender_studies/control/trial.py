@@ -16,10 +16,9 @@ from bender_loop.control.metrics import step_metrics
 from bender_loop.control.model_following import Memory, ModelFollower
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.references import Profile, Reference, Sine
-from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, diagnosed
-from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower, run_following
+from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
 from bender_loop.shell.files import prepare_directory
@@ -36,6 +35,7 @@ MODEL = "paper"
 RATE_HZ = 30.0
 SETPOINT_UM = 10.0
 SLEW_V_PER_S = 225.0
+VOLTS = 0.0, 50.0
 SHARES_OF_LIMIT = (0.1, 0.15, 0.2)
 """Frequencies of triangles and sines, in parts of the frequency at which the plain loop still follows."""
 LOWEST_UM, HIGHEST_UM = 2.0, 10.0
@@ -64,7 +64,7 @@ class Tried:
         stairs_um: rms over the stairs.
         dead_time_um: rms of a tip that is exact behind the dead time that was found.
         open_loop_percent: width of the loop that the inverse alone leaves of a slow triangle, of its height.
-        possible_um: rms of the diagnosed model itself, led as soon as dead time, limits and slew of the command let it.
+        possible_um: rms that no controller can go below on this bench, from where the run with the model stood.
         wrong: effect that the model has been given on purpose; empty for none.
         spread, unstable: runs of the stairs with the model on devices that are not what was diagnosed, and how many of
             them do not come to rest.
@@ -223,9 +223,9 @@ def _compared(runs: "_Runs", limit_Hz: float) -> dict[str, Any]:
         "settling_s": (one[0], two[0]),
         "overshoot_percent": (one[1], two[1]),
         "stairs_um": (rms_um(plain), rms_um(followed)),
-        "dead_time_um": _dead_time_um(stairs, plain, runs.model.dead_time_s),
+        "dead_time_um": dead_time_um(stairs, plain, runs.model.dead_time_s),
         "open_loop_percent": loop_percent(alone, period_s),
-        "possible_um": runs.possible_um(stairs),
+        "possible_um": least_um(runs.case, stairs, followed),
     }
 
 
@@ -266,14 +266,6 @@ class _Runs:
                 controller = Late(controller, self.later_frames)
             like = ends.enter_context(closing(FmuPlant(self.like)))
             return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed, like)
-
-    def possible_um(self, stairs: Profile) -> float:
-        """The rms of the model that is followed, in the place of the bench and without a shaper."""
-        model = replace(self.model, rate_um_per_s=math.inf, curvature_um_per_s2=math.inf, horizon_ticks=1)
-        loop, sampling = Loop(1.0 / RATE_HZ, self.limits, SLEW_V_PER_S), Sampling(RATE_HZ)
-        with closing(FmuPlant(self.fmu, parameters=self.model.parameters)) as plant:
-            trace = run_following(plant, model, self.fmu, self.gains, loop, stairs, sampling, STAIRS_S)
-        return float(np.sqrt(np.mean((trace.displacement_um - trace.setpoint_um) ** 2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -389,12 +381,38 @@ def loop_percent(record: Record, period_s: float) -> float:
     return 100.0 * float(np.max(np.abs(first - second))) / (high_um - low_um)
 
 
-def _dead_time_um(stairs: Profile, record: Record, dead_time_s: float) -> float:
+def least_um(case: Case, stairs: Profile, record: Record) -> float:
+    """Return the rms of a tip that is led to each level by commands that go as far as they may as soon as they may.
+
+    More command never means less tip, so until it arrives no controller is nearer; from then on it counts as exact.
+
+    Args:
+        case: of the bench.
+        stairs: the levels.
+        record: of a run; where it stood before each level.
+    """
+    change_V, time_s = SLEW_V_PER_S / RATE_HZ, np.append(record.time_s, record.time_s[-1] + 1.0 / RATE_HZ)
+    ends, missed_um = (*stairs.times_s[1:], math.inf), np.zeros(record.time_s.size)
+    for begin_s, end_s, level_um in zip(stairs.times_s, ends, stairs.setpoints_um, strict=True):
+        rows = np.flatnonzero((record.time_s >= begin_s - 1e-9) & (record.time_s < end_s - 1e-9))
+        way = math.copysign(1.0, level_um - record.displacement_um[rows[0]])
+        volts = np.append(record.voltage_V, 0.0)
+        before_V = volts[rows[0] - 1] if rows[0] else 0.0
+        volts[rows[0] :] = np.clip(before_V + way * change_V * np.arange(1, volts.size - rows[0] + 1), *VOLTS)
+        upto = rows[-1] + 2
+        tips = Bench(case).clean(Excitation(case.sensor, time_s[:upto], volts[:upto]))[rows]
+        beyond = way * (tips - level_um) >= 0.0
+        missing = slice(0, int(np.argmax(beyond)) if beyond.any() else rows.size)
+        missed_um[rows[missing]] = tips[missing] - level_um
+    return float(np.sqrt(np.mean(missed_um**2)))
+
+
+def dead_time_um(stairs: Profile, record: Record, dead_time_s: float) -> float:
     """Return the rms of a tip that is exact as soon as dead time and sampling let it.
 
     A command acts after the dead time at the earliest, and shows in the sample behind that.
     """
-    acting = np.searchsorted(record.time_s, record.time_s - dead_time_s + 1e-9, side="right") - 2
+    acting = np.searchsorted(record.time_s, record.time_s - dead_time_s - 1e-9) - 1
     answered = np.where(acting < 0, stairs.setpoints_um[0], stairs.sample(record.time_s[np.maximum(acting, 0)]))
     exact = replace(record, displacement_um=answered.astype(float))
     return rms_um(exact)
