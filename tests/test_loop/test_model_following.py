@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
@@ -321,3 +321,51 @@ def test_inside_a_play_the_command_is_that_of_the_block_alone(seed: int):
         if k > 5:
             alone, correction_V = pid.step(gains, pid.UNLIMITED, alone, 10.0, measured, PERIOD_S)
             assert memory.command_V == pytest.approx(max(start_V + correction_V, 0.0), abs=1e-6)
+
+
+@given(st.floats(1.0, 45.0), st.floats(0.0, 50.0), st.floats(1e-3, 0.3))
+def test_out_of_reach_no_part_of_the_tolerance_is_given_away(saturates: float, present: float, share: float):
+    """What a source that has reached its limit lags behind by, it lags behind by at every sample."""
+    plant = Lag(saturates_V=saturates)
+    state = plant.save()
+    most = plant.step(saturates, PERIOD_S)
+    tolerance_um = share * most
+    plant.restore(state)
+    assume(most - plant.step(present, PERIOD_S) > tolerance_um)
+    found = invert(plant, state, 2.0 * most + 1.0, (PERIOD_S,), (0.0, 50.0), present, 0.0, tolerance_um)
+    assert most - found.reading_um <= 2e-3 * tolerance_um
+
+
+class Slewed(Lag):
+    """gain * v, where v follows the command no faster than 40 V/s."""
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        v = self.y / self.gain
+        self.y = self.gain * (v + max(min(voltage_V - v, 40.0 * step_s), -40.0 * step_s))
+        return self.y
+
+
+def test_what_the_block_learns_while_the_source_runs_at_its_limit_is_there_when_it_arrives():
+    """The device has less gain than the model. Nothing is felt of the block meanwhile, and what it has found holds."""
+    model, device = Slewed(), Slewed(gain=0.475)
+    made = follower(inverted=model, predictor=model, shaper=None, gains=Gains(0.0, 4.0), tolerance_um=1e-3)
+    memory, reading, missed = rest(made), 0.0, 0.0
+    # 20 V at 40 V/s are 10 samples
+    for _ in range(10):
+        memory = step(made, memory, 10.0, reading, PERIOD_S)
+        missed += 4.0 * (memory.frames[0] - reading) * PERIOD_S
+        reading = device.step(memory.command_V, PERIOD_S)
+    assert reading == pytest.approx(9.5, abs=0.01)
+    assert memory.block.integral_V == pytest.approx(missed, rel=0.3)
+
+
+@given(st.floats(0.0, 1e-3), st.floats(0.0, 19.0))
+def test_a_target_that_is_all_but_out_of_reach_takes_no_more_command_than_the_model_answers(short: float, at_V: float):
+    """Within the tolerance of the target already, any command would do: on another device the whole range does not."""
+    model = Slewed()
+    for _ in range(60):
+        model.step(at_V, PERIOD_S)
+    most_um = model.gain * (at_V + 40.0 * PERIOD_S)
+    found = invert(model, model.save(), most_um + short, (PERIOD_S,), (0.0, 50.0), at_V, 0.0, 1e-3)
+    assert found.voltage_V <= at_V + 40.0 * PERIOD_S + 0.02
+    assert found.reading_um == pytest.approx(most_um, abs=1e-3)

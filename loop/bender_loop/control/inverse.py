@@ -17,6 +17,9 @@ from bender_loop.control.plant import SavablePlant, restart
 
 MOST_TRIALS = 16
 _LEAST_SLOPE = 1e-9
+_AS_NEAR = 1e-3
+"""Of the tolerance: so much further from a target out of reach is as near. A source that stops early lets the tip swing
+on, and by as much as would do for a target within reach it would lag behind its own limit, sample after sample."""
 
 
 class Inverted(NamedTuple):
@@ -86,7 +89,7 @@ def invert(
             break
         # the model answers less than was guessed: twice as far, from where it is now
         at_V, at, guess_V = far_V, far, far_V + 2.0 * (far_V - at_V)
-    if far * at > 0.0 and abs(far) > tolerance_um:
+    if guess_V == end_V and (far * at > 0.0 or abs(far) <= tolerance_um):
         return _as_near(error, before, last, trials, tolerance_um, target_um)
     return _between(error, (at_V, at), (far_V, far), trials, tolerance_um, target_um)
 
@@ -101,7 +104,7 @@ def _as_near(
 ) -> Inverted:
     """The first command that comes as near to a target out of reach as the last trial that came nearer does."""
     (begin_V, begun), (end_V, reached) = before, last
-    best = abs(reached) + tolerance_um
+    best = abs(reached) + _AS_NEAR * tolerance_um
     slope = (reached - begun) / (end_V - begin_V) if end_V != begin_V else 0.0
     for _ in range(MOST_TRIALS - trials):
         middle_V = 0.5 * (begin_V + end_V)

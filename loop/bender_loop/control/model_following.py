@@ -193,7 +193,9 @@ def step(
     else:
         correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
     command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
-    unfelt_V = _unfelt(follower, begin, found, block.integral_V - memory.block.integral_V)
+    # a command that misses its target is what it is for other reasons, and is thought of anew at the next sample
+    met = abs(found.reading_um - target_um) <= follower.tolerance_um
+    unfelt_V = _unfelt(follower, begin, found, block.integral_V - memory.block.integral_V) if met else 0.0
     block = PidState(block.integral_V - unfelt_V, block.derivative_V, block.previous_um)
     voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V
     return Memory(ahead, behind, frames, shaped, *voltages_V, found.slope_um_per_V, block, command_V, begun=True)
