@@ -179,9 +179,7 @@ def followed_equations(followed: FollowedModel, fmu: Path) -> Model:
     """
     require_same(followed, fmu)
     maker = read_description(fmu, needs_binary=False).generationTool or "a tool that does not say its name"
-    with zipfile.ZipFile(fmu) as archive:
-        inside = MODEL in archive.namelist() and archive.getinfo(MODEL).file_size <= _MOST_BYTES
-        text = archive.read(MODEL) if inside else None
+    text = _model_text(fmu)
     ports = f"{followed.input} → {followed.output}"
     if text is None or followed.input != _PORTS[0] or followed.output not in _PORTS[1] or followed.units:
         units = f" in {followed.units[0]} and {followed.units[1]}" if followed.units else ""
@@ -191,3 +189,23 @@ def followed_equations(followed: FollowedModel, fmu: Path) -> Model:
         return model_from_table(tomllib.loads(text.decode("utf-8")))
     except (ModelError, ValueError, TypeError, ArithmeticError) as problem:
         raise InputError(f"{fmu}: {MODEL}: {problem}; {_WAY_OUT}") from None
+
+
+def model_inside(fmu: Path) -> Model | None:
+    """Return the model in an FMU of this project; None in one of another maker.
+
+    Raises:
+        InputError: the file is missing or damaged, or is no FMU.
+    """
+    read_description(fmu, needs_binary=False)
+    text = _model_text(fmu)
+    try:
+        return None if text is None else model_from_table(tomllib.loads(text.decode("utf-8")))
+    except (ModelError, ValueError, TypeError, ArithmeticError):
+        return None
+
+
+def _model_text(fmu: Path) -> bytes | None:
+    with zipfile.ZipFile(fmu) as archive:
+        inside = MODEL in archive.namelist() and archive.getinfo(MODEL).file_size <= _MOST_BYTES
+        return archive.read(MODEL) if inside else None

@@ -11,6 +11,7 @@ structure of a model known and its numbers unknown, and writes C for what depend
 | `description` | the model descriptions of FMUs without Python, from the same tables as those of PythonFMU |
 | `following_source` | the model-following controller in C |
 | `foreign` | other makers' sources, compiled on request |
+| `lacking` | models without one of their effects |
 | `linearise` | a linear model of the plant at an operating point |
 | `model_source` | the C source of a model |
 | `plant_source` | the plant in C |

@@ -17,6 +17,7 @@ from bender_tuner.results.summary import table_rows
 from bender_tuner.results.tuning_file import FmuFacts, tuning_document
 from bender_tuner.task.session import (
     Session,
+    open_beside,
     open_guarded,
     open_rivals,
     pose_problem_in_units,
@@ -202,9 +203,14 @@ def tune(
         told = told.with_fmus_of(_plant_fmu)
     foreign = fmu is not None
     opened = open_guarded(path, input_name, output_name, foreign=foreign, quantities=given, found=told)
-    with opened as (plant, facts), open_rivals(plant, facts, told.rivals, foreign=foreign) as rivals:
+    doubted = _lacking_fmus(model or fmu or "paper") if follow_model and not told.vouched_for else ()
+    with (
+        opened as (plant, facts),
+        open_rivals(plant, facts, told.rivals, foreign=foreign) as rivals,
+        open_beside(plant, facts, doubted, foreign=foreign) as lacking,
+    ):
         problem = pose_problem_in_units(plant, wanted, facts, report, rivals)
-        session = run_session(plant, facts, problem, report, follow_model=follow_model)
+        session = run_session(plant, facts, problem, report, follow_model=follow_model, doubted=lacking)
         return TuningResult(session, facts)
 
 
@@ -212,3 +218,9 @@ def _plant_fmu(model: str | Path | Model | PlantModel) -> Path:
     from bender_native.ready import ready_plant_fmu
 
     return ready_plant_fmu(model.model if isinstance(model, PlantModel) else model)
+
+
+def _lacking_fmus(model: str | Path | Model | PlantModel) -> tuple[tuple[str, Path], ...]:
+    from bender_native.lacking import lacking_fmus
+
+    return lacking_fmus(model.model if isinstance(model, PlantModel) else model)

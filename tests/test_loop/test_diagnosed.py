@@ -81,3 +81,11 @@ def test_what_leaves_more_is_known_less_and_a_gain_no_better_than_its_interval(
     assert more is not None
     assert LEAST_GAIN_ERROR_PERCENT <= one.gain_error_percent <= more.gain_error_percent
     assert more.gain_error_percent >= 400.0 * std
+
+
+def test_a_diagnosis_vouches_for_the_file_that_it_left_and_for_no_other(tmp_path: Path):
+    assert _known(tmp_path, 2.0) is None
+    assert diagnosed(tmp_path / "model.toml").vouched_for, "although it bounds nothing"
+    (tmp_path / "model.toml").write_text("changed by hand")
+    assert not diagnosed(tmp_path / "model.toml").vouched_for
+    assert not NOTHING.vouched_for

@@ -120,7 +120,7 @@ def test_the_way_down_and_up_again_counts_in_parts_of_the_way_up(experiment: Ste
     third = trace.displacement_um[trace.time_s >= 2.0 * length_s]
     assert first > 1.0
     # a linear plant overshoots by the same part of every step
-    assert experiment.overshoot_up_and_down_percent(gains) == pytest.approx(first, rel=1e-3)
+    assert experiment.up_and_down(gains).overshoot_percent == pytest.approx(first, rel=1e-3)
     assert 100.0 * (third.max() - 10.0) / 5.0 == pytest.approx(first, rel=1e-3)
 
 
@@ -138,7 +138,7 @@ def test_a_shaper_that_overshoots_on_a_later_step_does_not_keep_the_bounds(remem
         found = pose_problem_in_units(plant, settings, facts)
         following, gains = Following(model, nominal), Gains(0.0, 6.0)
         first = found.practitioner.evaluate(gains, following).nominal.metrics.overshoot_percent
-        all_of_them = found.experiment.overshoot_up_and_down_percent(gains, following)
+        all_of_them = found.experiment.up_and_down(gains, following).overshoot_percent
         assert all_of_them > first
         bound = found.practitioner.priorities.overshoot_bound
         assert found.practitioner.keeps_overshoot(gains, following) == (all_of_them <= 100.0 * bound)

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(
-    arguments: argparse.Namespace, model: str | None = None, fmu_of: Callable[[str | Path], Path] | None = None
+    arguments: argparse.Namespace,
+    model: str | None = None,
+    fmu_of: Callable[[str | Path], Path] | None = None,
+    lacking_of: Callable[[str | Path], Sequence[tuple[str, Path]]] | None = None,
 ) -> int:
     """Tune, write gains.toml, tuning.json and pictures, print the table.
 
@@ -47,6 +50,7 @@ def run(
         arguments: as `add_arguments` declares them.
         model: what to tune where `--fmu` is not given, a built-in name or a file.
         fmu_of: makes the FMU of a model.
+        lacking_of: makes FMUs of a model, or of the one in an FMU, without one of its effects each, with the effects.
 
     Returns:
         0; 130 after an interrupt and 1 after a failure of the plant, both with the best gains so far written.
@@ -71,6 +75,9 @@ def run(
         if model is None or fmu_of is None:
             raise InputError("no FMU was named; say which one to tune with --fmu FILE")
         path, found = fmu_of(model), found.with_fmus_of(fmu_of)
+    doubted, subject = (), arguments.fmu or model
+    if arguments.follow_model and not found.vouched_for and lacking_of is not None and subject is not None:
+        doubted = lacking_of(subject)
     session = hold_session(
         path,
         arguments.input,
@@ -82,6 +89,7 @@ def run(
         quantities=USUAL if arguments.units is None else of_input_and_output(arguments.units),
         follow_model=arguments.follow_model,
         found=found,
+        doubted=doubted,
     )
     return _status(session, arguments.out)
 

@@ -28,10 +28,16 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
-    return run_tuner(arguments, "paper" if arguments.model is None else arguments.model, _plant_fmu)
+    return run_tuner(arguments, "paper" if arguments.model is None else arguments.model, _plant_fmu, _lacking_fmus)
 
 
 def _plant_fmu(model: str | Path) -> Path:
     from bender_native.ready import ready_plant_fmu
 
     return ready_plant_fmu(model)
+
+
+def _lacking_fmus(model: str | Path) -> tuple[tuple[str, Path], ...]:
+    from bender_native.lacking import lacking_fmus
+
+    return lacking_fmus(model)

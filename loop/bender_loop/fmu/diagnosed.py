@@ -55,12 +55,14 @@ class Diagnosed:
         rivals: what the records leave open beside the model.
         known: how well the device is known by its records; None where they do not bound gain and dead time both, or
             the model is no longer as it was written.
+        vouched_for: the model is as the diagnosis left it.
     """
 
     rms_um: float = 0.0
     units: tuple[str, str] = (VOLT, MICROMETRE)
     rivals: tuple[RivalModel, ...] = ()
     known: Known | None = None
+    vouched_for: bool = False
 
     def with_fmus_of(self, fmu_of: Callable[[Path], Path]) -> "Diagnosed":
         """Return the same with FMUs that `fmu_of` makes of the files of the rivals."""
@@ -81,12 +83,9 @@ def diagnosed(model: Path | str | None) -> Diagnosed:
             return NOTHING
         units = str(told["input_unit"]), str(told["unit"])
         rivals = tuple(_rival(folder, x) for x in told.get("rival_models", ()))
-        return Diagnosed(
-            float(told["gap"]["after"]["rms"]),
-            units,
-            rivals,
-            _known(told) if _is_as_written(Path(model), told) else None,
-        )
+        vouched_for = _is_as_written(Path(model), told)
+        known = _known(told) if vouched_for else None
+        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, known, vouched_for)
     except (OSError, ValueError, LookupError, TypeError):
         return NOTHING
 

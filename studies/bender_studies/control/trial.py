@@ -148,7 +148,7 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
         model = model.with_block(found["wrong"], **CATALOGUE[found["wrong"]].example)
     told = diagnosed(file)
     if trial.wrong_names:  # what was put in is in no diagnosis
-        told = replace(told, known=None)
+        told = replace(told, known=None, vouched_for=False)
     session = tuned(model, case, folder / "tuned", trial.evaluations, told)
     judgement = session.contenders[0].judgement
     found |= {
@@ -181,8 +181,16 @@ def _diagnosis(case: Case, folder: Path) -> dict[str, Any]:
 
 def tuned(model: Model, case: Case, out: Path, evaluations: int, found: Diagnosed = NOTHING) -> "Session":
     """Tune on a model and its rivals, with the camera and the supply of the benches."""
+    from bender_native.lacking import lacking_fmus
     from bender_native.ready import ready_plant_fmu
-    from bender_tuner.task.session import open_guarded, open_rivals, pose_problem_in_units, run_session, write_results
+    from bender_tuner.task.session import (
+        open_beside,
+        open_guarded,
+        open_rivals,
+        pose_problem_in_units,
+        run_session,
+        write_results,
+    )
     from bender_tuner.task.settings import make_settings
 
     settings = make_settings(
@@ -198,10 +206,10 @@ def tuned(model: Model, case: Case, out: Path, evaluations: int, found: Diagnose
     with (
         open_guarded(ready_plant_fmu(model), found=found) as (plant, facts),
         open_rivals(plant, facts, found.rivals) as rivals,
+        open_beside(plant, facts, () if found.vouched_for else lacking_fmus(model)) as lacking,
     ):
-        session = run_session(
-            plant, facts, pose_problem_in_units(plant, settings, facts, rivals=rivals), follow_model=True
-        )
+        problem = pose_problem_in_units(plant, settings, facts, rivals=rivals)
+        session = run_session(plant, facts, problem, follow_model=True, doubted=lacking)
         write_results(session, facts, prepare_directory(out))
     return session
 

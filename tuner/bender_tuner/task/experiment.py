@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from bender_loop.control.closed_loop import simulate
 from bender_loop.control.metrics import StepMetrics, step_metrics
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.plant import Plant, restart
-from bender_loop.control.references import Profile, Reference, Step
+from bender_loop.control.references import Profile, Reference, Sine, Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Array, Trace
 from bender_loop.fmu.followed_model import Loop, run_following
@@ -19,6 +20,21 @@ from bender_tuner.task.following import Following
 _SAME_S = 1e-9
 _DOWN = 0.5
 """Part of the way up."""
+_PERIODS = 2
+
+
+class Moves(NamedTuple):
+    """What becomes of a set-point that moves up, half of it down, and up again.
+
+    Attributes:
+        overshoot_percent: the largest, of the way up; inf for a runaway.
+        settling_time_s: the longest; inf where a move does not settle.
+        rms_um: from the set-point.
+    """
+
+    overshoot_percent: float
+    settling_time_s: float
+    rms_um: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +73,8 @@ class StepExperiment:
         """The step response with `gains`, of the PID block alone or in a model-following controller."""
         return self._run(Step(self.setpoint_um), self.duration_s, gains, following)
 
-    def overshoot_up_and_down_percent(self, gains: Gains, following: Following | None = None) -> float:
-        """The largest overshoot on the way up, half of it down, and up again, of the way up; inf for a runaway.
+    def up_and_down(self, gains: Gains, following: Following | None = None) -> Moves:
+        """What becomes of moves on the way up, half of it down, and up again.
 
         A plant with a memory, or one that is not linear, answers a step from rest as it answers no other.
         """
@@ -69,12 +85,35 @@ class StepExperiment:
         course = Profile(tuple(k * leg_s for k in range(len(shares))), levels_um)
         trace = self._run(course, len(shares) * leg_s, gains, following)
         found = [
-            self._metrics(_part(trace, begin_s, begin_s + leg_s), level_um).overshoot_percent
+            self._metrics(_part(trace, begin_s, begin_s + leg_s), level_um)
             for begin_s, level_um in zip(course.times_s, levels_um, strict=True)
         ]
-        return max(x * height for x, height in zip(found, (1.0, _DOWN, _DOWN), strict=True))
+        return Moves(
+            max(x.overshoot_percent * height for x, height in zip(found, (1.0, _DOWN, _DOWN), strict=True)),
+            max(math.inf if math.isnan(x.settling_time_s) else x.settling_time_s for x in found),
+            _rms_um(trace),
+        )
 
-    def _run(self, reference: Reference, duration_s: float, gains: Gains, following: Following | None) -> Trace:
+    def known_sine_um(self, frequency_Hz: float, gains: Gains, following: Following | None = None) -> float:
+        """The rms from a sine over most of the set-point's height that a model-following controller knows beforehand.
+
+        The first period is not counted.
+        """
+        rest_um = restart(self.plant)
+        height_um = self.setpoint_um - rest_um
+        sine = Sine(0.4 * height_um, frequency_Hz, rest_um + 0.5 * height_um, -0.5 * math.pi)
+        trace = self._run(sine, _PERIODS / frequency_Hz, gains, following, preview=True)
+        return _rms_um(_part(trace, 1.0 / frequency_Hz, _PERIODS / frequency_Hz))
+
+    def _run(
+        self,
+        reference: Reference,
+        duration_s: float,
+        gains: Gains,
+        following: Following | None,
+        *,
+        preview: bool = False,
+    ) -> Trace:
         rng = np.random.default_rng(self.seed)
         if following is not None:
             latency, sampling = self.believed_latency_frames, self.sampling
@@ -84,6 +123,7 @@ class StepExperiment:
                 self.slew_V_per_s,
                 sampling.latency_frames if latency is None else latency,
                 tuple(sampling.exposure_weights().tolist()),
+                preview=preview,
             )
             return run_following(
                 self.plant, following.model, following.fmu, gains, loop, reference, sampling, duration_s, rng
@@ -114,6 +154,11 @@ class StepExperiment:
             sampling=replace(self.sampling, latency_frames=latency_frames),
             believed_latency_frames=self.sampling.latency_frames,
         )
+
+
+def _rms_um(trace: Trace) -> float:
+    """From the set-point; inf for a runaway."""
+    return math.inf if trace.diverged else float(np.sqrt(np.mean((trace.displacement_um - trace.setpoint_um) ** 2)))
 
 
 def _part(trace: Trace, begin_s: float, end_s: float) -> Trace:

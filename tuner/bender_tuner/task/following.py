@@ -69,12 +69,14 @@ class Scored:
         value: of the objective.
         nominal_rms_um: from the set-point, of the step on the nominal plant.
         bounds_kept: whether it keeps the bounds.
+        harm: that it does to a device without what no diagnosis vouches for, in words; it is not kept then either.
     """
 
     following: Following
     value: float
     nominal_rms_um: float
     bounds_kept: bool
+    harm: str = ""
 
 
 def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
@@ -92,9 +94,9 @@ def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
 
     Args:
         scored: all that was tried.
-        plain: value of the PID block alone.
+        plain: a value that a good one is below: that of the PID block alone.
     """
-    fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value) and x.value < plain]
+    fit = [x for x in scored if x.bounds_kept and not x.harm and math.isfinite(x.value) and x.value < plain]
     if not fit:
         return None
     most = AS_SAFE * min(x.value for x in fit)

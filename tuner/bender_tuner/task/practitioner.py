@@ -198,7 +198,13 @@ class PractitionerObjective:
         """Return whether every nominal case keeps the bound on its overshoot up, down and up again."""
         bound = 100.0 * self.priorities.overshoot_bound
         runs = (self._runs[k] for k in self._expected)
-        return all(x.overshoot_up_and_down_percent(gains, following) <= bound for x in runs)
+        return all(x.up_and_down(gains, following).overshoot_percent <= bound for x in runs)
+
+    def known_sine_ratio(self, frequency_Hz: float, gains: Gains, following: Following) -> float:
+        """The error of a sine that is known beforehand to that of the PID block alone: the largest of all cases."""
+        return max(
+            x.known_sine_um(frequency_Hz, gains, following) / x.known_sine_um(frequency_Hz, gains) for x in self._runs
+        )
 
     def _asked(
         self, gains: Gains, worst_peak: float, overshoot_percent: float, settling_time_s: float

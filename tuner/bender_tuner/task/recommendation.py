@@ -2,9 +2,14 @@
 
 Two questions have two ensembles. Whether the loop holds is asked of a device that is off by as much as the settings
 say, for the block's gains decide it and nothing that a record shows makes a loop safe for good. Whether following is
-worth it is asked of what the device may be as far as is known: after a diagnosis, what its residual leaves open. Judged
-with a gain that is 30 % off, a set-point that is reached in one move behind a dead time is passed by 30 %, and slow
-gains that wait and see look better than a model that has shown to be right.
+worth it is asked of what the device may be as far as is known: after a diagnosis, what its residual leaves open; else
+it may also lack any effect that the model has. Judged with a gain that is 30 % off, a set-point that is reached in one
+move behind a dead time is passed by 30 %, and slow gains that wait and see look better than a model that has shown to
+be right.
+
+A model is followed for two things. A set-point that nobody knew is reached sooner, and a reference that is known
+beforehand is followed nearer. Where the source is what limits a step, as a slew limit does, no controller is much
+quicker than another, and the second alone is worth it.
 """
 
 import math
@@ -17,7 +22,10 @@ from bender_loop.control.pid import Gains
 from bender_loop.errors import RunError
 from bender_loop.fmu.diagnosed import Known
 from bender_loop.fmu.followed_model import FollowedModel
+from bender_tuner.model.ensemble import Rival
+from bender_tuner.model.margins import margins
 from bender_tuner.task.contenders import Contender
+from bender_tuner.task.doubts import WORSE, Doubt, doubts_of, harm
 from bender_tuner.task.following import Following, Scored, candidates, choose
 from bender_tuner.task.practitioner import PractitionerObjective, PractitionerReport
 from bender_tuner.task.problem import Report, TuningProblem, as_known
@@ -25,6 +33,10 @@ from bender_tuner.task.settings import GAIN_ERROR_PERCENT, LATE_FRAMES, TuneSett
 
 METHOD, LABEL = "model_following", "model following"
 _REFUSAL = "model following is not recommended: "
+_KNOWN_SHARE, _KNOWN_RATIO = 0.15, 0.5
+"""Of the frequency at which the loop still follows, a known reference; and how near it has to come where steps gain
+nothing, in parts of the error of the PID block alone."""
+_SLOW_RAD_PER_S = 1.0
 RUNS_AWAY = _REFUSAL + "it runs away on a device that is off by as much as the gains hold for"
 
 
@@ -76,8 +88,11 @@ def recommend(
     fmu: Path,
     known: Known | None,
     report: Report,
+    doubted: Sequence[Rival] = (),
 ) -> Recommendation | None:
     """Tune shaper and horizon with the gains as they are, and recommend them where the block alone is no better.
+
+    Where it is a little better at steps, they are recommended for what is known beforehand.
 
     The feedforward is no part of the loop, so Ms and noise gain are those of the gains.
 
@@ -88,6 +103,7 @@ def recommend(
         fmu: of it.
         known: how well the diagnosis of the model bounds the device; None where it does not.
         report: is told how far the work is.
+        doubted: devices without an effect that nothing vouches for, named after what they are without.
 
     Raises:
         RunError: the plant failed.
@@ -101,17 +117,22 @@ def recommend(
     if device.by_diagnosis:
         judge = as_known(problem, device.gain_error_percent, device.late_frames)
     alone = judge.evaluate(gains)
+    doubts = () if settings.gain_error_percent is not None else doubts_of(problem.experiment, doubted, gains)
     tried: list[Scored] = []
     best: Scored | None = None
     for group in candidates(model, fmu, settings.setpoint_um, settings.sampling, problem.reduced.lag_s):
         for count, following in enumerate(group, start=1):
-            tried.append(_scored(judge, gains, following))
+            tried.append(_scored(judge, gains, following, doubts))
             report("tuning model following", count, len(group), f"best {min(x.value for x in tried):.4g}")
         best = choose(tried, alone.value)
         if best is not None:
             break
+    ratio = math.nan
+    if best is None and (near := choose(tried, WORSE * alone.value)) is not None:
+        ratio = _known_ratio(problem, judge, gains, near.following)
+        best = near if ratio <= _KNOWN_RATIO else None
     holds = best is None or math.isfinite(problem.practitioner.evaluate(gains, best.following).value)
-    shown = best or min(tried, key=lambda x: (not x.bounds_kept, x.value))
+    shown = best or min(tried, key=lambda x: (not x.bounds_kept, bool(x.harm), x.value))
     scores = [
         Score(contenders[0].method, contenders[0].label, alone),
         Score(METHOD, LABEL, judge.evaluate(gains, shown.following)),
@@ -119,7 +140,7 @@ def recommend(
     ]
     return Recommendation(
         following=best.following if best is not None and holds else None,
-        sentence=_why(scores[0], scores[1], best is not None, device) if holds else RUNS_AWAY,
+        sentence=_why(scores[0], scores[1], best is not None, device, shown.harm, ratio) if holds else RUNS_AWAY,
         device=device,
         scores=tuple(scores),
         tried=tuple(tried),
@@ -136,10 +157,18 @@ def device_of(settings: TuneSettings, known: Known | None) -> Device:
     return Device(known.gain_error_percent if percent is None else percent, frames if late is None else late, True)
 
 
-def _scored(judge: PractitionerObjective, gains: Gains, following: Following) -> Scored:
+def _scored(judge: PractitionerObjective, gains: Gains, following: Following, doubts: Sequence[Doubt]) -> Scored:
     found = judge.evaluate(gains, following)
     kept = found.bounds_kept and judge.keeps_overshoot(gains, following)
-    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept)
+    harmed = harm(doubts, gains, following, 100.0 * judge.priorities.overshoot_bound) if kept else ""
+    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed)
+
+
+def _known_ratio(problem: TuningProblem, judge: PractitionerObjective, gains: Gains, following: Following) -> float:
+    """The error of a reference that is known beforehand, to that of the PID block alone; on the worst device."""
+    crossover = margins(gains, problem.ensemble.nominal.delayed).crossover_rad_per_s
+    follows_rad_per_s = crossover if math.isfinite(crossover) else _SLOW_RAD_PER_S
+    return judge.known_sine_ratio(_KNOWN_SHARE * follows_rad_per_s / (2.0 * math.pi), gains, following)
 
 
 def _of_rules(judge: PractitionerObjective, contenders: Sequence[Contender]) -> list[Score]:
@@ -153,12 +182,17 @@ def _of_rules(judge: PractitionerObjective, contenders: Sequence[Contender]) -> 
     return found
 
 
-def _why(alone: Score, followed: Score, recommended: bool, device: Device) -> str:
+def _why(alone: Score, followed: Score, recommended: bool, device: Device, harmed: str, ratio: float) -> str:
     """Return why a model is followed or not, and what would change a refusal where it is better on itself."""
     values = f"objective {followed.report.value:.4g} against {alone.report.value:.4g} of the PID block alone"
     judged = _judged(device)
+    if recommended and followed.report.value >= alone.report.value:
+        nearer = f"a reference that is known beforehand is followed with {ratio:.2g} of its error"
+        return f"model following: {values}, as quick as that within {100.0 * (WORSE - 1.0):.0f} %; {nearer}"
     if recommended:
         return f"model following: {values}, with the same gains{judged and '; '}{judged}"
+    if harmed:
+        return f"{_REFUSAL}{harmed}; say with --gain-error how well the device is known, or diagnose a record of it"
     if not followed.report.bounds_kept:
         return _REFUSAL + "no shaper and horizon keeps the bounds"
     if followed.rms_um >= alone.rms_um or not judged:

@@ -104,10 +104,11 @@ def hold_session(
     quantities: Quantities = USUAL,
     follow_model: bool = False,
     found: Diagnosed = NOTHING,
+    doubted: Sequence[tuple[str, Path]] = (),
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
 
-    A foreign FMU runs in a process of its own that is watched, and so do those of its rivals.
+    A foreign FMU runs in a process of its own that is watched, and so do those of its rivals and of what is doubted.
 
     Raises:
         InputError: bad FMU, variables, setpoint or directory; nothing was written.
@@ -126,6 +127,7 @@ def hold_session(
     with (
         opened as (plant, facts),
         open_rivals(plant, facts, found.rivals, foreign=foreign) as rivals,
+        open_beside(plant, facts, doubted if follow_model else (), foreign=foreign) as lacking,
         Bars() as bars,
         shown_in(*facts.units),
     ):
@@ -135,7 +137,7 @@ def hold_session(
         _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
         # gains are kept before they are judged: an interrupt then loses figures, no gains
         keep = partial(_keep_gains, out=out)
-        session = run_session(plant, facts, problem, bars, keep, follow_model=follow_model)
+        session = run_session(plant, facts, problem, bars, keep, follow_model=follow_model, doubted=lacking)
         bars.close()
         written = write_results(session, facts, out)
         _print_results(session, written)
@@ -171,6 +173,7 @@ def run_session(
     found: Callable[[Session], None] | None = None,
     *,
     follow_model: bool = False,
+    doubted: Sequence[Rival] = (),
 ) -> Session:
     """Tune a plant and judge all gains; nothing is written or printed.
 
@@ -181,6 +184,7 @@ def run_session(
         report: is told how far the work is.
         found: is given the session when the gains stand, before they are judged.
         follow_model: a controller that follows the FMU as its model is tuned too.
+        doubted: devices without an effect that nothing vouches for, named after what they are without.
 
     Raises:
         RunError: the plant failed before there were gains to keep, or the method has none.
@@ -194,7 +198,7 @@ def run_session(
     if found is not None:
         found(session)
     if follow_model and session.ended is Ended.COMPLETE:
-        _follow(session, plant, facts, report)
+        _follow(session, plant, facts, report, doubted)
     for k, contender in enumerate(session.contenders):
         report("judging the gains", k, len(session.contenders), contender.label)
         session.contenders[k] = judged(problem, contender)
@@ -267,12 +271,32 @@ def open_guarded(
 def open_rivals(
     plant: GuardedPlant, facts: FmuFacts, rivals: Sequence[RivalModel], *, foreign: bool = False
 ) -> Iterator[tuple[Rival, ...]]:
-    """What the device may be instead of `plant`, as plants with the same input and output and under the same guard.
+    """What the device may be instead of `plant`, as `open_beside` opens it.
 
     Args:
         plant: as `open_guarded` gives it.
-        facts: of its FMU; start values that were set are set in a rival that has the parameter.
+        facts: of its FMU.
         rivals: of the diagnosis that left it.
+        foreign: each runs in a process of its own.
+
+    Raises:
+        InputError: missing or unfit FMU.
+        RunError: an FMU does not start.
+    """
+    with open_beside(plant, facts, [(x.name, x.fmu) for x in rivals], foreign=foreign) as found:
+        yield found
+
+
+@contextmanager
+def open_beside(
+    plant: GuardedPlant, facts: FmuFacts, named: Sequence[tuple[str, Path]], *, foreign: bool = False
+) -> Iterator[tuple[Rival, ...]]:
+    """FMUs as plants with the same input and output as `plant` and under the same guard.
+
+    Args:
+        plant: as `open_guarded` gives it.
+        facts: of its FMU; start values that were set are set in another one that has the parameter.
+        named: FMUs with their names.
         foreign: each runs in a process of its own.
 
     Raises:
@@ -282,13 +306,13 @@ def open_rivals(
     names = facts.input, facts.output
     with ExitStack() as ends:
         found = []
-        for x in rivals:
-            fmu = ends.enter_context(_opened(x.fmu, names, facts.quantities, plant.interrupts, foreign))
-            known = {v.name for v in read_description(x.fmu).modelVariables}
-            if values := {name: value for name, value in facts.start_values.items() if name in known}:
+        for name, path in named:
+            fmu = ends.enter_context(_opened(path, names, facts.quantities, plant.interrupts, foreign))
+            known = {v.name for v in read_description(path).modelVariables}
+            if values := {x: value for x, value in facts.start_values.items() if x in known}:
                 fmu.set_parameters(values)
                 fmu.reset()
-            found.append(Rival(x.name, GuardedPlant(fmu, plant.interrupts)))
+            found.append(Rival(name, GuardedPlant(fmu, plant.interrupts)))
         yield tuple(found)
 
 
@@ -362,7 +386,7 @@ def _refuse_unfit(session: Session) -> None:
         session.ended, session.reason = Ended.REFUSED, objection
 
 
-def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report) -> None:
+def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report, doubted: Sequence[Rival]) -> None:
     """Decide whether the model is followed with the gains, and put that among the contenders."""
     settings, path = session.settings, Path(facts.path)
     model = describe_model(
@@ -376,7 +400,7 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         facts.quantities,
     )
     model = replace(model, fmu=MODEL, rms_um=facts.model_rms_um)
-    found = recommend(session.problem, session.contenders, model, path, facts.known, report)
+    found = recommend(session.problem, session.contenders, model, path, facts.known, report, doubted)
     session.recommendation = found
     gains = session.contenders[0].gains
     if found is not None and found.following is not None:
