@@ -69,3 +69,23 @@ def test_the_claims_count_what_does_not_settle():
     assert told["benches on which stairs do not settle: PID block alone, with the model"] == "1, 0"
     assert told["settling of stairs, ratio, 1 benches: median"] == "0.400"
     assert told["rms of stairs above what the dead time alone costs: median, worst"] == "11 %, 11 %"
+
+
+@pytest.mark.parametrize(
+    ("changed", "worse"),
+    [
+        ({}, False),
+        ({"overshoot_percent": (0.0, 2.1)}, True),
+        ({"overshoot_percent": (30.0, 31.0)}, False),
+        ({"settling_s": (0.5, 0.6)}, True),
+        ({"settling_s": (math.nan, math.nan)}, False),
+        ({"settling_s": (0.5, math.nan)}, True),
+        ({"stairs_um": (2.0, 2.2)}, True),
+    ],
+)
+def test_a_model_is_worse_in_any_figure_of_the_stairs(changed: dict[str, tuple[float, float]], worse: bool):
+    tried = replace(FOUND, **changed)  # pyright: ignore[reportArgumentType]
+    assert figures.is_worse(tried) == worse
+    told = {row[0]: row[2] for row in figures.claims([tried])}
+    what = "benches on which the model makes rms, settling or overshoot of stairs worse by more than 5 %"
+    assert told[what] == f"{int(worse)} of 1"

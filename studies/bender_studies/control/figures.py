@@ -8,6 +8,8 @@ import numpy as np
 from bender_loop.shell.progress import Cell
 from bender_studies.control.trial import Tried
 
+WORSE, ALLOWED_PERCENT = 1.05, 2.0
+"""Times a figure of the PID block alone; an overshoot up to so much is none."""
 HYSTERESIS = "rate_independent_hysteresis"
 CLAIMS = "what", "asked", "found"
 COLUMNS = (
@@ -61,6 +63,8 @@ def claims(found: Sequence[Tried]) -> list[list[Cell]]:
         ["largest overshoot of stairs with the model", "2 %", f"{max(x.overshoot_percent[1] for x in run):.2f} %"],
         ["benches on which stairs do not settle: PID block alone, with the model", None, f"{never[0]}, {never[1]}"],
     ]
+    what = "benches on which the model makes rms, settling or overshoot of stairs worse by more than 5 %"
+    rows.append([what, "0", f"{sum(map(is_worse, run))} of {len(run)}"])
     if settled:
         what = f"settling of stairs, ratio, {len(settled)} benches: median"
         rows.append([what, "0.5", f"{np.median(settled):.3f}"])
@@ -77,6 +81,14 @@ def claims(found: Sequence[Tried]) -> list[list[Cell]]:
         what = "unstable with gain 0.7 to 1.3, resonance 0.8 to 1.4, one frame later"
         rows.append([what, "0", f"{sum(x.unstable for x in run)} of {spread}"])
     return rows
+
+
+def is_worse(x: Tried) -> bool:
+    """Whether the stairs with the model are worse than with the PID block alone; a level that is never reached is."""
+    times = [math.inf if math.isnan(y) else y for y in x.settling_s]
+    most_percent = max(ALLOWED_PERCENT, WORSE * x.overshoot_percent[0])
+    slower = times[1] > WORSE * times[0]
+    return slower or x.stairs_um[1] > WORSE * x.stairs_um[0] or x.overshoot_percent[1] > most_percent
 
 
 def _above(x: Tried, least_um: float) -> float:
