@@ -18,7 +18,7 @@ from bender_export.slaves.following import TABLE
 from bender_export.system import Loop, closed_loop_archive
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError
-from bender_loop.fmu.file import read_description
+from bender_loop.fmu.file import OWN_MODEL, read_description
 from bender_loop.fmu.followed_model import FollowedModel, require_same
 from bender_loop.fmu.following_models import neutral
 from bender_loop.shell.files import prepare_directory, write_atomically
@@ -26,7 +26,6 @@ from bender_plant.model import Model, model_from_table
 from bender_plant.parameter import ModelError
 
 FOLLOWING_FMU, FOLLOWING_LOOP = "ModelFollowingController.fmu", "FollowingLoop.ssp"
-MODEL = "resources/model.toml"
 _MOST_BYTES = 1 << 22
 _PORTS = ("voltage", ("displacement", "tip_displacement"))
 _WAY_OUT = (
@@ -183,12 +182,12 @@ def followed_equations(followed: FollowedModel, fmu: Path) -> Model:
     ports = f"{followed.input} → {followed.output}"
     if text is None or followed.input != _PORTS[0] or followed.output not in _PORTS[1] or followed.units:
         units = f" in {followed.units[0]} and {followed.units[1]}" if followed.units else ""
-        what = "its equations" if text is not None else f"no equations ({MODEL})"
+        what = "its equations" if text is not None else f"no equations ({OWN_MODEL})"
         raise InputError(f"{fmu}: found an FMU of {maker} with {what}, run from {ports}{units}, {_WAY_OUT}")
     try:
         return model_from_table(tomllib.loads(text.decode("utf-8")))
     except (ModelError, ValueError, TypeError, ArithmeticError) as problem:
-        raise InputError(f"{fmu}: {MODEL}: {problem}; {_WAY_OUT}") from None
+        raise InputError(f"{fmu}: {OWN_MODEL}: {problem}; {_WAY_OUT}") from None
 
 
 def model_inside(fmu: Path) -> Model | None:
@@ -207,5 +206,5 @@ def model_inside(fmu: Path) -> Model | None:
 
 def _model_text(fmu: Path) -> bytes | None:
     with zipfile.ZipFile(fmu) as archive:
-        inside = MODEL in archive.namelist() and archive.getinfo(MODEL).file_size <= _MOST_BYTES
-        return archive.read(MODEL) if inside else None
+        inside = OWN_MODEL in archive.namelist() and archive.getinfo(OWN_MODEL).file_size <= _MOST_BYTES
+        return archive.read(OWN_MODEL) if inside else None

@@ -1,11 +1,14 @@
 """Faults of the camera while a model is followed: the guard ends the run as with any other program."""
 
+import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from bench_trials.camera_faults import CAMERA_FAULTS, PATIENT
 from following_controllers import tuned_on
+from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_export.build import ensure_plant_fmu
@@ -60,4 +63,30 @@ def test_every_fault_ends_a_run_that_follows_a_model_with_the_output_off(
     clear_faults(bench.control_port)
     assert ended.code is not None
     assert ended.status is not Status.UNCONFIRMED
+    assert not bench.supply.truth()["is_on"]
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("hostile", ["hang", "crash"])
+def test_a_followed_model_that_takes_its_process_along_ends_the_run_with_the_output_off(
+    bench: EmulatedBench, tmp_path: Path, hostile: str
+):
+    """The run goes on to say how it ended: nobody waits for an FMU that computes for ever."""
+    bench.supply.power_on()
+    clear_faults(bench.control_port)
+    Calibration.of_scale(1.5).save(tmp_path / "calibration.toml")
+    camera = CameraTable(source=bench.stream, calibration=str(tmp_path / "calibration.toml"), zero_frames=5)
+    fmu = foreign_fmu(tmp_path / "late.fmu", hostile=hostile, after=1500)
+    tuned = tuned_on(fmu, input="drive.u", output="sensor.y")
+    steps = Profile(tuple(0.2 * k for k in range(40)), tuple(2.0 + k % 2 for k in range(40)))
+    plain = ClosedLoop(steps, tuned.gains, tuned.limits, 225.0, 60.0)
+    as_hardware = BenchFile(source=SupplySettings(bench.resource), camera=camera, guard=PATIENT)
+    with following(plain, tuned.model, fmu, RATE_HZ, preview=False) as program:
+        begun_s = time.monotonic()
+        result = run(as_hardware, program, tmp_path / "run")
+    assert result.ended.code in ("heartbeat", "frame_age", "controller_failed")
+    assert "late.fmu" in str(result.ended.sentence)
+    assert result.ended.status is not Status.UNCONFIRMED
+    assert time.monotonic() - begun_s < 45.0
     assert not bench.supply.truth()["is_on"]

@@ -17,12 +17,12 @@ from bender_hil.log.replay import replay_run
 from bender_hil.runner.following_program import FollowingLoop, following
 from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop
-from bender_loop.control import model_following
 from bender_loop.control.references import Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.fmu.controller import FmuController
-from bender_loop.fmu.followed_model import Loop, open_follower
+from bender_loop.fmu.followed_model import Loop
+from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.plant import FmuPlant
 from bender_native.build import Way, native_following_fmu
 from bender_native.compilers import own_platform
@@ -94,9 +94,8 @@ def tuners_run(model_fmu: Path) -> Trace:
 def test_the_bench_commands_what_the_tuner_did_on_the_same_readings(model_fmu: Path, tuners_run: Trace):
     tuned = tuned_on(model_fmu)
     loop = Loop(PERIOD_S, tuned.limits, tuned.model.slew_V_per_s)
-    with open_follower(tuned.model, model_fmu, tuned.gains, loop) as follower:
-        rest = model_following.rest(follower)
-        program = FollowingLoop(Step(10.0), follower, tuned.model, model_fmu, loop, 1.0, rest)
+    with Follower(model_fmu, tuned.model, tuned.gains, loop) as follower:
+        program = FollowingLoop(Step(10.0), follower, tuned.gains, tuned.model, model_fmu, loop, 1.0)
         rows = zip(tuners_run.time_s, tuners_run.measured_um, strict=True)
         assert [program.decide(t, PERIOD_S, y).voltage_V for t, y in rows] == tuners_run.voltage_V.tolist()
 

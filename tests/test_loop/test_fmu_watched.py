@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from few import few_rows
+from following_controllers import followed
 from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_loop.control.closed_loop import simulate
@@ -25,9 +26,12 @@ from bender_loop.control.references import Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.controller import FmuController
+from bender_loop.fmu.followed_model import Loop
+from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.fmu.process.watched import WatchedController, WatchedPlant
+from bender_loop.fmu.process.watched import WatchedController, WatchedFollower, WatchedPlant, opened_follower
 from bender_loop.records.drive import drive
+from bender_native.ready import ready_plant_fmu
 from bender_tuner.model.scaled_plant import ScaledPlant
 
 GAINS, LIMITS = Gains(0.5, 5.0, 0.0), Limits(0.0, 50.0)
@@ -163,6 +167,50 @@ def test_a_controller_that_takes_its_process_along_is_one_sentence(tmp_path, hos
             controller.step(10.0, 0.0, 0.05)
         assert "late.fmu" in str(error.value)
         assert "\n" not in str(error.value)
+
+
+LOOP = Loop(0.05, LIMITS, 500.0)
+
+
+@needs_compiler
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_controller_that_follows_a_model_gives_the_same_commands_as_in_this_process(tmp_path, lost):
+    fmu = foreign_fmu(tmp_path / "lag.fmu")
+    model = followed(fmu, input="drive.u", output="sensor.y")
+    with Follower(fmu, model, GAINS, LOOP) as here, WatchedFollower(fmu, model, GAINS, LOOP) as there:
+        for k in range(12):
+            told = (10.0 + k, None if lost and k == 4 else 0.3 * k, 0.05, 0.001 * k)
+            assert here.step(*told) == there.step(*told)
+            assert here.predicted_um() == there.predicted_um()
+        here.rest()
+        there.rest()
+        assert here.step(5.0, 0.0, 0.05) == there.step(5.0, 0.0, 0.05) > 0.0
+    with pytest.raises(InputError, match="is not the FMU that the gains were tuned"):
+        WatchedFollower(foreign_fmu(tmp_path / "other.fmu", gain=2e-6), model, GAINS, LOOP)
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("hostile", "how"), [("crash", "broke off with SIGSEGV after"), ("hang", "no end within 0.5 s, after")]
+)
+def test_a_followed_model_that_takes_its_process_along_is_one_sentence(tmp_path, hostile, how):
+    fmu = foreign_fmu(tmp_path / "late.fmu", hostile=hostile, after=2000)
+    model = followed(fmu, input="drive.u", output="sensor.y")
+    with WatchedFollower(fmu, model, GAINS, LOOP, patience_s=0.5) as controller:
+        with pytest.raises(RunError, match=re.escape(how)) as error:
+            _ = [controller.step(10.0 + k % 2, 0.0, 0.05) for k in range(5000)]
+        assert "late.fmu" in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+@needs_compiler
+def test_only_a_model_of_this_project_is_followed_in_this_process(tmp_path):
+    fmu, ours = foreign_fmu(tmp_path / "lag.fmu"), ready_plant_fmu("beam")
+    with opened_follower(fmu, followed(fmu, input="drive.u", output="sensor.y"), GAINS, LOOP) as controller:
+        assert isinstance(controller, WatchedFollower)
+    with opened_follower(ours, followed(ours), GAINS, LOOP) as controller:
+        assert isinstance(controller, Follower)
 
 
 @needs_compiler

@@ -1,5 +1,8 @@
 """A run that follows a model: the model-following controller of `bender_loop.control` on a reference.
 
+The models run in this process if their FMU was made here. Anybody else's is native code that may hang: it runs in a
+process of its own, and one that crashes, hangs or errs ends the run, which goes on to say how it ended.
+
 The replay of a run calls the same steps on what the log says, with the FMU of the model that lies in the run's
 directory, and has to arrive at the same bits.
 """
@@ -15,15 +18,17 @@ from typing import Any
 from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop, Decision
 from bender_hil.runner.run_folder import FOLLOWED
-from bender_loop.control import model_following
-from bender_loop.control.model_following import Memory, ModelFollower
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Reference
 from bender_loop.errors import InputError
-from bender_loop.fmu.followed_model import FollowedModel, Loop, followed_model, open_follower
+from bender_loop.fmu.followed_model import FollowedModel, Loop, followed_model, look_ahead_s
+from bender_loop.fmu.follower import Follower
+from bender_loop.fmu.process.watched import WatchedFollower, opened_follower
 
 COMMAND_DELAY_S = 0.004
 """From a frame until its command acts: finding the tip, and the way to the supply."""
+PATIENCE_S = 1.0
+"""For a step of a foreign FMU; the guard ends a run whose controller is silent for less."""
 
 
 @dataclass(slots=True)
@@ -33,30 +38,30 @@ class FollowingLoop:
     Attributes:
         reference: set-points over time.
         follower: the controller, its models open.
+        gains: of its PID block.
         model: what it follows.
         fmu: the model's FMU.
         loop: how the bench runs it.
         duration_s: length of the run.
-        memory: after the last frame.
         acted_s: from that frame until its command went to the supply, None before the first one.
     """
 
     reference: Reference
-    follower: ModelFollower
+    follower: Follower | WatchedFollower
+    gains: Gains
     model: FollowedModel
     fmu: Path
     loop: Loop
     duration_s: float
-    memory: Memory
     acted_s: float | None = None
 
     def decide(self, time_s: float, dt_s: float, measured_um: float | None) -> Decision:
         """The command at `time_s`."""
         setpoint_um = aim_um = self.reference.value(time_s)
         if self.loop.preview:
-            aim_um = self.reference.value(time_s + self.follower.look_ahead_s + self.model.dead_time_s)
-        self.memory = model_following.step(self.follower, self.memory, aim_um, measured_um, dt_s, self.acted_s)
-        return Decision(self.memory.command_V, setpoint_um, aim_um)
+            aim_um = self.reference.value(time_s + look_ahead_s(self.model, self.loop))
+        command_V = self.follower.step(aim_um, measured_um, dt_s, self.acted_s)
+        return Decision(command_V, setpoint_um, aim_um)
 
     def acted(self, delay_s: float) -> None:
         """Note how long after its frame the command went to the supply."""
@@ -67,7 +72,7 @@ class FollowingLoop:
         limits = self.loop.limits
         return {
             "mode": "model_following",
-            "gains": asdict(self.follower.gains),
+            "gains": asdict(self.gains),
             "limits": asdict(limits),
             "slew_V_per_s": self.loop.slew_V_per_s,
             "duration_s": self.duration_s,
@@ -99,13 +104,12 @@ def following(
     """
     loop = Loop(1.0 / frames_per_s, plain.limits, plain.slew_V_per_s, command_delay_s=COMMAND_DELAY_S, preview=preview)
     reference = plain.reference
-    with open_follower(model, fmu, plain.gains, loop) as follower:
+    with opened_follower(fmu, model, plain.gains, loop, patience_s=PATIENCE_S) as follower:
         # the first steps of an FMU load what later ones need: they are taken before the supply is armed
-        warm = model_following.rest(follower)
         for _ in range(3):
-            warm = model_following.step(follower, warm, reference.value(0.0), None, loop.period_s)
-        memory = model_following.rest(follower)
-        yield FollowingLoop(reference, follower, model, fmu, loop, plain.duration_s, memory)
+            follower.step(reference.value(0.0), None, loop.period_s)
+        follower.rest()
+        yield FollowingLoop(reference, follower, plain.gains, model, fmu, loop, plain.duration_s)
 
 
 def expected_error_um(following: FollowingLoop) -> float:
@@ -114,12 +118,14 @@ def expected_error_um(following: FollowingLoop) -> float:
     The models run through the reference as the run will; the whole model says what the sensor reads.
     """
     follower, period_s = following.follower, following.loop.period_s
-    memory, square, count = model_following.rest(follower), 0.0, max(2, round(following.duration_s / period_s))
-    ahead_s = follower.look_ahead_s + following.model.dead_time_s if following.loop.preview else 0.0
+    square, count = 0.0, max(2, round(following.duration_s / period_s))
+    ahead_s = look_ahead_s(following.model, following.loop) if following.loop.preview else 0.0
+    follower.rest()
     for k in range(count):
         time_s = k * period_s
-        memory = model_following.step(follower, memory, following.reference.value(time_s + ahead_s), None, period_s)
-        square += (memory.frames[-1] - following.reference.value(time_s)) ** 2
+        follower.step(following.reference.value(time_s + ahead_s), None, period_s)
+        square += (follower.predicted_um() - following.reference.value(time_s)) ** 2
+    follower.rest()
     return math.hypot(math.sqrt(square / count), following.model.rms_um)
 
 
@@ -142,10 +148,9 @@ def commands_again(start: dict[str, Any], ticks: list[dict[str, Any]], directory
     weights = tuple(settings["frame_weights"])
     loop = Loop(**settings | {"limits": Limits(**settings["limits"]), "frame_weights": weights})
     commands = []
-    with open_follower(model, fmu, Gains(**program["gains"]), loop) as follower:
-        memory, acted_s = model_following.rest(follower), None
+    acted_s = None
+    with opened_follower(fmu, model, Gains(**program["gains"]), loop) as follower:
         for tick in ticks:
-            memory = model_following.step(follower, memory, tick["aim_um"], tick["measured_um"], tick["dt_s"], acted_s)
+            commands.append(follower.step(tick["aim_um"], tick["measured_um"], tick["dt_s"], acted_s))
             acted_s = command_delay_s(tick["grabbed_s"], tick["sent_s"], picture_delay_s)
-            commands.append(memory.command_V)
     return commands

@@ -8,6 +8,7 @@
 | `elsewhere` | functions that run where their plant lives |
 | `file` | what can be said of an FMU file before it is loaded |
 | `followed_model` | a model that a controller follows, as data, and the controller that it makes in a loop |
+| `follower` | a model-following controller as its host sees it |
 | `following_models` | the two models of a model-following controller, both from one FMU |
 | `instance` | one instance of an FMU |
 | `log` | what FMUs log, kept for the instance that logged it |

@@ -13,6 +13,8 @@ from bender_loop.fmu.archive.binary import HEADER_BYTES, binary_fault
 from bender_loop.fmu.archive.bounds import DAMAGE, refuse_unbounded
 
 DESCRIPTION = "modelDescription.xml"
+OWN_MODEL = "resources/model.toml"
+"""In an FMU that this project has made of a model: its equations."""
 VERSIONS = ("2.0", "3.0")
 _TIMES = ("startTime", "stopTime", "stepSize", "tolerance")
 LARGEST_DESCRIPTION = 1 << 28
@@ -66,6 +68,12 @@ def read_description(path: Path, needs_binary: bool = True) -> ModelDescription:
     if needs_binary:
         _check_platform(path, names, co_simulation(description).modelIdentifier, own_folder(is_fmi3(description)))
     return description
+
+
+def is_of_this_project(path: Path) -> bool:
+    """Return whether an FMU that `read_description` let through was made here, of a model and of nobody else's code."""
+    with zipfile.ZipFile(path) as archive:
+        return OWN_MODEL in archive.namelist()
 
 
 def header_of(archive: zipfile.ZipFile, name: str) -> bytes:

@@ -107,6 +107,16 @@ class Loop:
     preview: bool = False
 
 
+def horizon_ticks(model: FollowedModel, loop: Loop) -> int:
+    """Return so many samples ahead the inverse meets the reference in a loop."""
+    return (loop.preview and model.preview_horizon_ticks) or model.horizon_ticks
+
+
+def look_ahead_s(model: FollowedModel, loop: Loop) -> float:
+    """Return how long before its instant a controller wants a reference that is known beforehand."""
+    return loop.command_delay_s + horizon_ticks(model, loop) * loop.period_s + model.dead_time_s
+
+
 @at_the_plant
 def describe_model(
     plant: Plant,
@@ -262,7 +272,7 @@ def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loo
         period_s=loop.period_s,
         slew_V_per_s=min(loop.slew_V_per_s, model.slew_V_per_s),
         shaper=None if loop.preview else Shaper(model.rate_um_per_s, model.curvature_um_per_s2),
-        horizon_ticks=(loop.preview and model.preview_horizon_ticks) or model.horizon_ticks,
+        horizon_ticks=horizon_ticks(model, loop),
         lead_s=model.lead_s,
         latency_frames=loop.latency_frames,
         frame_weights=loop.frame_weights,

@@ -17,10 +17,10 @@ from bender_hil.runner.program import ClosedLoop
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Controller, Played
 from bender_investigate.safety import SLEW_SHARE, Allowed, rows_of
-from bender_loop.control import model_following
 from bender_loop.control.pid import Limits
 from bender_loop.control.references import Profile
-from bender_loop.fmu.followed_model import Loop, open_follower
+from bender_loop.fmu.followed_model import Loop
+from bender_loop.fmu.follower import Follower
 from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import Bench, Case
 from bender_proving.cases.hidden import Sensor
@@ -130,11 +130,9 @@ class VirtualBench:
             alone = ClosedLoop(reference, gains, LIMITS, LOOP_SLEW_V_PER_S, duration_s)
             return self._looped(alone, duration_s, rng)
         loop = Loop(1.0 / LOOP_HZ, LIMITS, LOOP_SLEW_V_PER_S, LATENCY_FRAMES)
-        with open_follower(model, fmu, gains, loop) as follower:
-            at_rest = model_following.rest(follower)
-            return self._looped(
-                FollowingLoop(reference, follower, model, fmu, loop, duration_s, at_rest), duration_s, rng
-            )
+        with Follower(fmu, model, gains, loop) as follower:
+            following = FollowingLoop(reference, follower, gains, model, fmu, loop, duration_s)
+            return self._looped(following, duration_s, rng)
 
     def _looped(
         self, program: ClosedLoop | FollowingLoop, duration_s: float, rng: np.random.Generator | None

@@ -14,16 +14,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from bender_loop.control.pid import Gains
 from bender_loop.errors import RunError
 from bender_loop.fmu.check.explanations import explained_failure
 from bender_loop.fmu.check.findings import one_line
-from bender_loop.fmu.file import read_description
+from bender_loop.fmu.file import is_of_this_project, read_description
+from bender_loop.fmu.followed_model import FollowedModel, Loop
+from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.ports import Port
 from bender_loop.fmu.process.worker import (
     SAID,
     STEPS,
     STOP,
+    Counted,
     CountedController,
+    CountedFollower,
     CountedPlant,
     StoppedError,
     Task,
@@ -66,7 +71,7 @@ class WatchedFmu(ClosedAtExit):
     def __init__(
         self,
         path: Path | str,
-        make: Callable[[Task, memoryview], CountedPlant | CountedController],
+        make: Callable[[Task, memoryview], Counted],
         options: dict[str, Any],
         interrupted: Callable[[], bool] = lambda: False,
         tell: Callable[[int], None] = lambda _: None,
@@ -278,6 +283,62 @@ class WatchedController(WatchedFmu):
     def step(self, setpoint_um: float, measurement_um: float, dt_s: float) -> float:
         """Take one sample; returns the command in V and raises what `FmuController.step` raises."""
         return self._ask("step", (setpoint_um, measurement_um, dt_s))
+
+
+class WatchedFollower(WatchedFmu):
+    """`Follower` with both models in another process; the same commands, bit for bit.
+
+    Args:
+        path: as in `Follower`, like the next three.
+        model: what is followed.
+        gains: of the PID block.
+        loop: in which the controller runs.
+        patience_s: a step that takes longer hangs.
+
+    Raises:
+        InputError: as `Follower` raises it.
+        RunError: the FMU fails to start, crashes or hangs.
+    """
+
+    def __init__(
+        self, path: Path, model: FollowedModel, gains: Gains, loop: Loop, *, patience_s: float = PATIENCE_S
+    ) -> None:
+        options = {"model": model, "gains": gains, "loop": loop}
+        super().__init__(path, CountedFollower, options, patience_s=patience_s)
+
+    def rest(self) -> None:
+        """Forget all samples; raises what `Follower` raises."""
+        self._ask("rest")
+
+    def step(self, aim_um: float, measured_um: float | None, dt_s: float, acted_s: float | None = None) -> float:
+        """Take one sample; returns the command in V and raises what `Follower.step` raises."""
+        return self._ask("step", (aim_um, measured_um, dt_s, acted_s))
+
+    def predicted_um(self) -> float:
+        """Return the newest frame that the model predicts."""
+        return self._ask("predicted_um")
+
+
+def opened_follower(
+    path: Path, model: FollowedModel, gains: Gains, loop: Loop, *, patience_s: float = PATIENCE_S
+) -> Follower | WatchedFollower:
+    """Open a controller: in this process, whose priority it then has, or in one of its own around anybody else's FMU.
+
+    Args:
+        path: as in `Follower`, like the next three.
+        model: what is followed.
+        gains: of the PID block.
+        loop: in which the controller runs.
+        patience_s: a step of anybody else's FMU that takes longer hangs.
+
+    Raises:
+        InputError: as `Follower` raises it.
+        RunError: the FMU fails to start, crashes or hangs.
+    """
+    read_description(path)
+    if is_of_this_project(path):
+        return Follower(path, model, gains, loop)
+    return WatchedFollower(path, model, gains, loop, patience_s=patience_s)
 
 
 def _signal_name(number: int) -> str:

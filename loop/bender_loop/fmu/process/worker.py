@@ -17,6 +17,7 @@ from typing import Any
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.archive.bounds import MOST_BYTES
 from bender_loop.fmu.controller import FmuController
+from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.ports import Port
 
@@ -38,14 +39,14 @@ class Task:
 
     Attributes:
         path: the FMU.
-        make: what it becomes there: `CountedPlant` or `CountedController`.
+        make: what it becomes there.
         options: of that.
         folder: all its files lie there: the board, what it says, the unpacked FMU.
         parent: number of the process in front.
     """
 
     path: Path
-    make: "Callable[[Task, memoryview], CountedPlant | CountedController]"
+    make: "Callable[[Task, memoryview], Counted]"
     options: dict[str, Any]
     folder: Path
     parent: int
@@ -83,6 +84,23 @@ class CountedController(FmuController):
         command_V = super().step(setpoint_um, measurement_um, dt_s)
         self._board[STEPS] += 1
         return command_V
+
+
+class CountedFollower(Follower):
+    """A model-following controller whose steps are counted on the board."""
+
+    def __init__(self, task: Task, board: memoryview) -> None:
+        self._board = board
+        super().__init__(task.path, **task.options)
+
+    def step(self, aim_um: float, measured_um: float | None, dt_s: float, acted_s: float | None = None) -> float:
+        """Take one sample."""
+        command_V = super().step(aim_um, measured_um, dt_s, acted_s)
+        self._board[STEPS] += 1
+        return command_V
+
+
+Counted = CountedPlant | CountedController | CountedFollower
 
 
 def serve(connection: Connection, task: Task) -> None:
