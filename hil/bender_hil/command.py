@@ -301,7 +301,7 @@ def followed(
             raise InputError(f"{path}: names no model, which --open-loop inverts; see bender tune --follow-model")
         yield program
         return
-    from bender_hil.runner.following_program import expected_error_um, following
+    from bender_hil.runner.following_program import expected_error_um, extrapolation, following
 
     preview = arguments.profile is not None and not words.get("no_preview", False)
     if alone:
@@ -309,6 +309,8 @@ def followed(
             program.gains, proportional_V_per_um=0.0, integral_V_per_um_s=0.0, derivative_V_s_per_um=0.0
         )
     with following(program, model, path.parent / model.fmu, rate_Hz, preview=preview) as found:
+        if said := extrapolation(found):
+            sys.stderr.write(f"note: {said}\n")
         if alone:
             known = f"{model.rms_um:.3g} µm of it what the model missed" if model.rms_um else "a right model assumed"
             sys.stdout.write(f"open loop: expected error {expected_error_um(found):.3g} µm rms, {known}\n")

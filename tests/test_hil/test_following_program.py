@@ -1,7 +1,9 @@
 """A run that follows a model: its commands come about again, from its log and in every other place that runs it."""
 
 import shutil
+from argparse import Namespace
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,20 +14,25 @@ from native_hosts import needs_own_compiler
 
 from bender_export.build import build_plant_fmu
 from bender_export.following import FOLLOWING_FMU, Host, build_following, followed_equations, following_settings
+from bender_hil.bench_file import emulated_bench
+from bender_hil.command import followed
 from bender_hil.log.journal import Journal
 from bender_hil.log.replay import replay_run
-from bender_hil.runner.following_program import FollowingLoop, following
+from bender_hil.runner.following_program import FollowingLoop, extrapolation, following
 from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop
-from bender_loop.control.references import Step
+from bender_loop.control.references import Profile, Reference, Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.fmu.controller import FmuController
+from bender_loop.fmu.file import beyond_learned
 from bender_loop.fmu.followed_model import Loop
 from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.plant import FmuPlant
 from bender_native.build import Way, native_following_fmu
 from bender_native.compilers import own_platform
+from bender_plant.model import load_model
+from bender_plant.valid_range import ValidRange
 from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.following import Following
 
@@ -77,6 +84,48 @@ def test_the_models_know_when_a_command_acted(model_fmu: Path, tmp_path: Path):
         (tmp_path / name).mkdir()
         runs.append(run_of(model_fmu, tmp_path / name, [sent_s] * 12))
     assert runs[0] != runs[1]
+
+
+@pytest.fixture(scope="module")
+def learned_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model that was learned below 8 V, where the tip is at some 7 µm."""
+    model = replace(load_model("paper"), valid=ValidRange(0.0, 8.0, 60.0))
+    return build_plant_fmu(model, tmp_path_factory.mktemp("learned") / "model.fmu")
+
+
+@pytest.mark.parametrize(
+    ("reference", "said"),
+    [(Step(4.0), ""), (Step(12.0), "15.86"), (Profile((0.0, 0.3, 0.6), (2.0, 12.0, 4.0)), "15.86")],
+)
+def test_a_set_point_beyond_what_the_model_was_learned_from_is_said_beforehand(
+    learned_fmu: Path, reference: Reference, said: str, capsys: pytest.CaptureFixture[str]
+):
+    tuned = tuned_on(learned_fmu)
+    plain = ClosedLoop(reference, tuned.gains, tuned.limits, 800.0, 1.0)
+    asked = Namespace(gains=learned_fmu.with_name("gains.toml"), profile=None)
+    with followed(asked, emulated_bench(), plain, lambda _: tuned.model) as program:
+        told = capsys.readouterr().err
+        first = program.decide(0.0, PERIOD_S, 0.0)
+    assert told.startswith("note: this takes a command of " if said else "")
+    assert (f" {said}" in told and "V, the model was learned from 0 to 8 V: beyond" in told) == bool(said)
+    with following(plain, tuned.model, learned_fmu, 30.0, preview=False) as again:
+        assert again.decide(0.0, PERIOD_S, 0.0) == first, "the look beforehand leaves nothing behind"
+
+
+def test_of_a_model_that_does_not_say_where_it_was_learned_nothing_is_said(model_fmu: Path):
+    tuned = tuned_on(model_fmu)
+    plain = ClosedLoop(Step(30.0), tuned.gains, tuned.limits, 800.0, 1.0)
+    with following(plain, tuned.model, model_fmu, 30.0, preview=False) as program:
+        assert extrapolation(program) == ""
+
+
+@given(st.lists(st.floats(-100.0, 100.0), min_size=1), st.floats(-50.0, 0.0), st.floats(1.0, 50.0))
+def test_only_commands_outside_of_what_was_learned_are_said(commands: list[float], low: float, high: float):
+    said = beyond_learned(commands, (low, high), "V")
+    outside = [x for x in commands if not low - 1e-3 <= x <= high + 1e-3]
+    assert bool(said) or not outside
+    assert not (said and all(low <= x <= high for x in commands))
+    assert beyond_learned(commands, None, "V") == beyond_learned([], (low, high), "V") == ""
 
 
 @pytest.fixture(scope="module")

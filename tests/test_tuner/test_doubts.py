@@ -13,6 +13,7 @@ from bender_loop.fmu.diagnosed import Diagnosed
 from bender_native.lacking import lacking_fmus, without_each_effect
 from bender_native.ready import ready_plant_fmu
 from bender_plant.model import Model, load_model
+from bender_plant.valid_range import ValidRange
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.doubts import WORSE, Doubt, harm
 from bender_tuner.task.experiment import Moves
@@ -147,3 +148,11 @@ def test_the_effects_of_an_fmu_are_those_of_the_model_in_it():
     model = load_model("beam").with_block("transport_delay", delay_s=0.06)
     fmu = ready_plant_fmu(model)
     assert lacking_fmus(fmu) == lacking_fmus(model) == (("transport_delay", ready_plant_fmu("beam")),)
+
+
+@pytest.mark.parametrize(("highest_V", "said"), [(5.0, True), (50.0, False)])
+def test_a_set_point_beyond_what_the_model_was_learned_from_is_noted(highest_V: float, said: bool):
+    model = replace(load_model("beam"), valid=ValidRange(0.0, highest_V, 60.0))
+    with open_guarded(ready_plant_fmu(model)) as (plant, facts):
+        notes = pose_problem_in_units(plant, make_settings(**CAMERA), facts).notes
+    assert any(f"the model was learned from 0 to {highest_V:g} V: beyond" in x for x in notes) == said

@@ -15,12 +15,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop, Decision
 from bender_hil.runner.run_folder import FOLLOWED
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Reference
 from bender_loop.errors import InputError
+from bender_loop.fmu.file import beyond_learned, learned_range
 from bender_loop.fmu.followed_model import FollowedModel, Loop, followed_model, look_ahead_s
 from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.process.watched import WatchedFollower, opened_follower
@@ -29,6 +32,7 @@ COMMAND_DELAY_S = 0.004
 """From a frame until its command acts: finding the tip, and the way to the supply."""
 PATIENCE_S = 1.0
 """For a step of a foreign FMU; the guard ends a run whose controller is silent for less."""
+_LEVELS, _HELD_S = 2000, 2.0
 
 
 @dataclass(slots=True)
@@ -127,6 +131,23 @@ def expected_error_um(following: FollowingLoop) -> float:
         square += (follower.predicted_um() - following.reference.value(time_s)) ** 2
     follower.rest()
     return math.hypot(math.sqrt(square / count), following.model.rms_um)
+
+
+def extrapolation(following: FollowingLoop) -> str:
+    """Return what is to be said where the set-points of a run take the model beyond what it was learned from, or "".
+
+    The models are led to the lowest and the highest set-point, each for so long that what lags has arrived.
+    """
+    learned = learned_range(following.fmu)
+    if learned is None:
+        return ""
+    follower, period_s, commands = following.follower, following.loop.period_s, list[float]()
+    seen = following.reference.sample(np.linspace(0.0, following.duration_s, _LEVELS))
+    for level_um in (float(seen.min()), float(seen.max())):
+        follower.rest()
+        commands += [follower.step(level_um, None, period_s) for _ in range(math.ceil(_HELD_S / period_s))][-1:]
+    follower.rest()
+    return beyond_learned(commands, learned, following.model.units[0] if following.model.units else "V")
 
 
 def commands_again(start: dict[str, Any], ticks: list[dict[str, Any]], directory: Path) -> list[float]:

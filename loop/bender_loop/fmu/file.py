@@ -1,6 +1,8 @@
 """What can be said of an FMU file before it is loaded."""
 
+import tomllib
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +21,8 @@ VERSIONS = ("2.0", "3.0")
 _TIMES = ("startTime", "stopTime", "stepSize", "tolerance")
 LARGEST_DESCRIPTION = 1 << 28
 """In bytes, 256 MiB; the descriptions of the largest models known take some tens."""
+
+_LARGEST_MODEL, _WITHIN = 1 << 24, 1e-6
 
 
 def read_text(archive: zipfile.ZipFile) -> bytes:
@@ -74,6 +78,42 @@ def is_of_this_project(path: Path) -> bool:
     """Return whether an FMU that `read_description` let through was made here, of a model and of nobody else's code."""
     with zipfile.ZipFile(path) as archive:
         return OWN_MODEL in archive.namelist()
+
+
+def learned_range(path: Path) -> tuple[float, float] | None:
+    """Return the lowest and highest command that the model in an FMU was learned from; None where it does not say.
+
+    Args:
+        path: of an FMU that `read_description` let through, of any maker.
+    """
+    with zipfile.ZipFile(path) as archive:
+        inside = OWN_MODEL in archive.namelist() and archive.getinfo(OWN_MODEL).file_size <= _LARGEST_MODEL
+        text = archive.read(OWN_MODEL) if inside else b""
+    try:
+        valid = tomllib.loads(text.decode("utf-8"))["valid"]
+        return float(valid["lowest_V"]), float(valid["highest_V"])
+    except (ValueError, LookupError, TypeError):
+        return None
+
+
+def beyond_learned(commands: Sequence[float], learned: tuple[float, float] | None, unit: str) -> str:
+    """Return what is said of commands outside those that a model was learned from; empty where none is.
+
+    Args:
+        commands: in `unit`.
+        learned: lowest and highest; None where nothing is known.
+        unit: of commands.
+    """
+    if learned is None or not commands:
+        return ""
+    (low, high), rounding = learned, _WITHIN * (learned[1] - learned[0])
+    if min(commands) >= low - rounding and max(commands) <= high + rounding:
+        return ""
+    ends = sorted({f"{min(commands):.4g}", f"{max(commands):.4g}"}, key=float)
+    return (
+        f"this takes a command of {' to '.join(ends)} {unit}, the model was learned from "
+        f"{low:.4g} to {high:.4g} {unit}: beyond, it extrapolates, and misses by more than its diagnosis says"
+    )
 
 
 def header_of(archive: zipfile.ZipFile, name: str) -> bytes:

@@ -11,7 +11,7 @@ from typing import Self
 
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, RivalModel
-from bender_loop.fmu.file import read_description
+from bender_loop.fmu.file import beyond_learned, learned_range, read_description
 from bender_loop.fmu.followed_model import describe_model
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.process.watched import NATIVE_CODE, WatchedPlant
@@ -158,7 +158,9 @@ def pose_problem_in_units(
             FMU does not declare.
     """
     try:
-        return pose_problem(plant, settings, report, rivals)
+        problem = pose_problem(plant, settings, report, rivals)
+        said = beyond_learned((problem.operating_point.voltage_V,), learned_range(Path(facts.path)), "V")
+        return replace(problem, notes=(*problem.notes, said)) if said else problem
     except InputError as error:
         told = f"{error}; {taken_units(facts)}" if facts.taken_units else str(error)
         with shown_in(*facts.units):
