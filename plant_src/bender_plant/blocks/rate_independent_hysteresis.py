@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bender_plant.kernels.bouc_wen import along
-from bender_plant.kernels.play import first_engagement, play
+from bender_plant.kernels.play import engagement, passed, play
 from bender_plant.kernels.state import of_any_length
 from bender_plant.parabola import turning_point
 from bender_plant.parameter import ModelError, check, check_straight, curve_end, parameter
@@ -117,8 +117,8 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> _Constants:
 
 
 def initial(constants: _Constants) -> tuple[float, ...]:
-    """Return (z, last v, then every play) at rest."""
-    return (0.0, 0.0, *constants[13])
+    """Return (z, last v, then every play from where it rests) at rest."""
+    return (0.0, 0.0) + (0.0,) * len(constants[0])
 
 
 def corner(
@@ -130,7 +130,11 @@ def corner(
     if v0 == vm == v1:
         return 1.0
     if len(constants[0]) > 0:
-        return first_engagement(state[2:], constants[0], v0, vm, v1)
+        first, low, high = passed(v0, vm, v1)
+        for k in range(len(constants[0])):
+            r = constants[0][k]
+            first = engagement(play(state[2 + k] + constants[13][k], v0, r), r, first, low, high, v0, vm, v1)
+        return first
     return turning_point(v0, vm, v1)
 
 
@@ -156,8 +160,7 @@ def beside(
 ) -> tuple[tuple[float, ...], float, float, float]:  # fmt: skip
     """Add the hysteretic part, advanced along last voltage -> v0 -> vm -> v1."""
     del time_s, h
-    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma, low, high, at_rest, plays = constants
-    del plays
+    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma, low, high, at_rest, begun = constants
     start = state[0] if v0 == state[1] else along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
     middle = end = start
     first = start - at_rest + reversible(v0, s1, s2, s3, low, high)
@@ -171,7 +174,7 @@ def beside(
     after: list[float] = [end, v1]
     for k in range(len(thresholds)):
         r, p, q, c = thresholds[k], weights[k], squares[k], cubes[k]
-        x0 = play(state[2 + k], v0, r)
+        x0 = play(state[2 + k] + begun[k], v0, r)
         xm = x1 = x0
         y0 = ym = y1 = lagging(x0, v0, p, q, c, low, high)
         if moves:
@@ -179,7 +182,7 @@ def beside(
             x1 = play(xm, v1, r)
             ym = lagging(xm, vm, p, q, c, low, high)
             y1 = lagging(x1, v1, p, q, c, low, high)
-        after.append(x1)
+        after.append(x1 - begun[k])
         first += y0
         second += ym
         third += y1
