@@ -133,7 +133,11 @@ FIGURE_8 = Path(__file__).parents[3] / "shared" / "data" / "paper_fig8.csv"
 @pytest.mark.skipif(not FIGURE_8.exists(), reason="the record of figure 8 is not part of the repository")
 def test_figure_8_is_hysteresis() -> None:
     found = diagnose(load_model("beam"), [read_record(FIGURE_8)], Settings(untimed=True))
-    first = found.to_dict()["effects"][0]
+    result = found.to_dict()
+    first = result["effects"][0]
+    assert sum(x["share_of_gap"] for x in result["effects"] if "rival_of" not in x) == pytest.approx(
+        result["gap"]["closed"], abs=1e-3
+    )
     assert first["id"] == "rate_independent_hysteresis"
     assert first["grade"] in ("certain", "likely")
     assert found.gap.after.rms_um <= 0.375
