@@ -171,9 +171,11 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
         told += f"{there} the residual would be {after} rms with it, {before} with neither"
     else:
         part = f"{percent(x.share_of_gap)} of the gap" if x.share_of_gap > 0.0 else "no part of the gap"
-        mean = "" if x.is_all else " in the mean over all orders of adding"
-        last = "it takes" if x.is_all else "added last it takes"
-        told = f"it closes {part}{mean}; {there} {last} the residual from {before} to {after} rms"
+        if x.is_all:
+            told = f"it closes {part}; {there} the residual goes from {before} to {after} rms"
+        else:
+            told = f"it closes {part} in the mean over all orders of adding; "
+            told += f"added last, it takes the residual from {before} to {after} rms {there}"
     told = f"{told}; {_beside(x, decides)}."
     return _with_titles(told[0].upper() + told[1:])
 
