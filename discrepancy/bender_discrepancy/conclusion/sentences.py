@@ -185,8 +185,8 @@ def _of_those(findings: Findings) -> str:
 
 
 _REACHES = {
-    "plainer": "the simpler {} in its place fits as well (within 1 % of the gap)",
-    "other side": "{}, the same lag on the other side of the device, fits as well (within 1 % of the gap)",
+    "plainer": "the simpler {} in its place fits as well (to a hundredth of the gap's rms)",
+    "other side": "{}, the same lag on the other side of the device, fits as well (to a hundredth of the gap's rms)",
     "predicts as well": "{} in its place predicts unseen readings nearly as well",
     "fits as well": "{} in its place fits all readings as well, but predicts unseen ones less well",
 }
@@ -194,8 +194,8 @@ _REACHES = {
 
 _STAYS_OPEN: dict[Reach, str] = {
     "": "a single sine cannot exclude an effect with memory",
-    "plainer": "it is simpler and fits as well (within 1 % of the gap)",
-    "other side": "it is the same lag on the other side of the device and fits as well (within 1 % of the gap)",
+    "plainer": "it is simpler and fits as well (to a hundredth of the gap's rms)",
+    "other side": "it is the same lag on the other side of the device and fits as well (to a hundredth of the gap's rms)",
     "predicts as well": "it predicts unseen readings nearly as well",
     "fits as well": "it fits all readings as well",
     "as large": "it leaves less than twice as much above the noise in the readings that choose",
