@@ -10,8 +10,8 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model
 
 AUTO = "auto"
-MOST_STRUCTURES, MOST_ORDER = 2, 2
-"""Besides a gain alone: the search tries every effect on each. Higher orders imitate what is not linear."""
+MOST_ORDER = 2
+"""The search tries every effect on each structure. Higher orders imitate what is not linear."""
 
 
 def between_rows_decided(records: Sequence[Record], how: Settings, names: Sequence[str] = ()) -> Settings:
@@ -28,10 +28,10 @@ def between_rows_decided(records: Sequence[Record], how: Settings, names: Sequen
 
 
 def competing_structures(records: Sequence[Record], how: Settings, names: Sequence[str] = ()) -> list[Model]:
-    """Return linear models of some records, the best first, a gain alone among them.
+    """Return linear models of some records: the best that creeps to rest, the best that rings, and a gain alone.
 
-    A delay is an effect of the catalogue, which competes with the others: no structure has one. Where time is only an
-    order, nothing but the gain is left.
+    A lag is a special case of two: beside these it would be tried twice. A delay is an effect of the catalogue, which
+    competes with the others: no structure has one. Where time is only an order, nothing but the gain is left.
 
     Raises:
         InputError: no linear model can be simulated over the records.
@@ -44,8 +44,9 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
         raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
     plain = [x for x in found if not x.structure.delay and x.hidden_behind is None and x.rings]
     gain = next((x.model for x in plain if x.structure.order == 0), None)
-    simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
-    orders = [x.model for x in simple[: 0 if how.untimed else MOST_STRUCTURES]]
+    simple = [] if how.untimed else [x for x in plain if 0 < x.structure.order <= MOST_ORDER]
+    kinds = {bool(x.structure.modes): x.model for x in reversed(simple) if not (x.structure.lags and x.structure.modes)}
+    orders = [x.model for x in simple if x.model in kinds.values()]
     # behind an even curve a linear fit sees nothing: the structure that it hides is one more
     hidden = [x.model for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]
     models = [*orders, *([] if gain is None else [gain]), *hidden]

@@ -27,6 +27,7 @@ from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.checks import read_model, refuse_unusable
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.settings import Settings
+from bender_discrepancy.structures import competing_structures
 from bender_discrepancy.workflow import affordable, candidate_forms, diagnose, search_records
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
@@ -52,6 +53,22 @@ def test_on_a_linear_model_growth_is_creep_and_sag_is_leakage(hidden: str, param
     found = search_records(load_model("beam"), [record])
     assert found.verdict.word == "named"
     assert found.best.hypothesis.effects == (hidden,)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.3, 1.2])
+def test_linear_structures_of_a_record_are_at_most_one_of_each_kind_and_a_gain(damping_ratio: float) -> None:
+    rng = np.random.default_rng(4)
+    time_s = 0.05 * np.arange(400.0)
+    command = rng.uniform(0.0, 20.0, 40).repeat(10)
+    device = TransferFunction([2.0], [0.02, 2.0 * damping_ratio * 0.02**0.5, 1.0])
+    read = lsim(device, command, time_s)[1] + 0.05 * rng.standard_normal(400)
+    found = competing_structures([Record(time_s, command, read)], Settings())
+    modes = [any(name.startswith("bending_modes") for name in x.values()) for x in found]
+    lags = [x.values().get("plant_lag.time_constant", 0.0) > 0.0 for x in found]
+    kinds = list(zip(lags, modes, strict=True))
+    assert len(set(kinds)) == len(kinds)
+    assert (False, False) in kinds
+    assert (damping_ratio < 1.0, damping_ratio > 1.0) in [(m, k) for k, m in kinds]
 
 
 def seen_at(rate_Hz: float) -> Record:

@@ -248,7 +248,7 @@ def test_a_valve_that_slips_once_is_no_sensor() -> None:
 
 def test_a_jump_while_the_command_rests_is_the_sensor_s() -> None:
     command = np.repeat([0.0, 10.0], [60, 140])
-    read = 5.0 * lfilter([0.3], [1.0, -0.7], command) / 3.0 + 0.01 * np.sin(np.arange(200.0))
+    read = lfilter([0.5], [1.0, -0.7], command) + 0.01 * np.sin(np.arange(200.0))
     later = np.where(np.arange(200) >= 130, 40.0, 0.0)
     found = zero_move(Record(np.linspace(0.0, 20.0, 200), command, read + later))
     assert found is not None
@@ -259,10 +259,11 @@ def test_a_jump_while_the_command_rests_is_the_sensor_s() -> None:
 @given(st.integers(0, 10**6), st.integers(1, 6), st.floats(0.0, 0.05), st.floats(0.0, 0.3))
 @examples(max_examples=30)
 def test_friction_that_turns_with_the_motion_is_no_jump(seed: int, turned: int, noise: float, slope: float) -> None:
-    position = np.concatenate([np.linspace(*((0.0, 1.0) if k % 2 == 0 else (1.0, 0.0)), 80) for k in range(turned + 1)])
+    way = np.linspace(0.0, 1.0, 80)
+    position = np.concatenate([way if k % 2 == 0 else way[::-1] for k in range(turned + 1)])
     force = slope * position + np.sign(np.gradient(position))
     force += noise * np.random.default_rng(seed).standard_normal(force.size)
-    assert zero_move(Record(0.01 * np.arange(force.size), position, force)) is None
+    assert zero_move(Record(np.linspace(0.0, 1.0, force.size), position, force)) is None
 
 
 class Lag:
