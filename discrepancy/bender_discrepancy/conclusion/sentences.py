@@ -195,7 +195,7 @@ _REACHES = {
 _STAYS_OPEN: dict[Reach, str] = {
     "": "a single sine cannot exclude an effect with memory",
     "plainer": "it is simpler and fits as well (to a hundredth of the gap's rms)",
-    "other side": "it is the same lag on the other side, and fits as well (to a hundredth of the gap's rms)",
+    "other side": "it, the same lag on the other side, fits as well (to a hundredth of the gap's rms)",
     "predicts as well": "it predicts unseen readings nearly as well",
     "fits as well": "it fits all readings as well",
     "as large": "it leaves less than twice as much above the noise in the readings that choose",
