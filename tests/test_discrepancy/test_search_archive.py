@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form, part_without_named
 from bender_discrepancy.records.observations import hardly_steps, observe
@@ -39,7 +39,7 @@ from bender_discrepancy.search.moves import (
     swap,
 )
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import Searched, improved, parsimonious, with_named_numbers
+from bender_discrepancy.search.search import Searched, improved, leading_fits, parsimonious, with_named_numbers
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_identify.first_model.structures import Structure
@@ -482,3 +482,15 @@ def test_what_a_simple_form_leaves_is_a_richer_form_and_no_further_effect(tmp_pa
     certain = [x.id for x in found.grades.effects if x.grade == "certain"]
     assert certain
     assert set(certain) <= strange.device.right_names
+
+
+@pytest.mark.parametrize(("left", "first"), [(0.2, "flexible"), (0.5, "plain")])
+def test_many_numbers_lead_where_they_leave_far_less_than_few(search: SearchResult, left: float, first: str) -> None:
+    """Else a step is made on a plain form first, and one on the flexible form alone might never be."""
+    plain = replace(search.found.base, training_square=1.0)
+    (lag,) = hypothesis(PAPER, [record_of(effects=LAGGING)], LAG).parts
+    form = replace(lag.form, name="flexible", free=lag.form.free * 9)
+    flexible = replace(plain, hypothesis=Hypothesis((Part(form, lag.values * 9),)), training_square=left)
+    leaders = leading_fits([plain, flexible])
+    assert (leaders[0] is flexible) == (first == "flexible")
+    assert len(leaders) == 2

@@ -68,7 +68,7 @@ def search(
     archive = Archive(problem)
     best = archive.set_aside(_root(archive, catalogue, rules))
     roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
-    beam, in_vain, stopped = _leaders(roots, len(catalogue.kits)), 0, False
+    beam, in_vain, stopped = leading_fits(roots, len(catalogue.kits)), 0, False
     while beam and _goes_on(archive, rules, best, in_vain):
         if stopped := not _is_affordable(archive, problem, best):
             break
@@ -84,7 +84,9 @@ def search(
         before, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
-        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(archive, x)])
+        beam = leading_fits(
+            [x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(archive, x)]
+        )
     best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
@@ -234,7 +236,7 @@ def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> li
         if is_far and parent.training_square >= min(x.training_square for x in found):
             continue
         more = explore(archive, catalogue, [parent], GROW)
-        leaders = _leaders(more)
+        leaders = leading_fits(more)
         if leaders and not _is_nearly_done(archive, leaders[0]) and not only_one_sine(archive.problem.observations):
             more += explore(archive, catalogue, leaders, BESIDE)
         found += more
@@ -282,10 +284,11 @@ def _base(archive: Archive, fitted: Fitted) -> Fitted:
     return archive.bare(fitted.hypothesis.structure) or archive.fits[0]
 
 
-def _leaders(fits: Sequence[Fitted], most: int = BUDGET.beam) -> list[Fitted]:
+def leading_fits(fits: Sequence[Fitted], most: int = BUDGET.beam) -> list[Fitted]:
     """Return the fits of different effects that leave least, at most one of many numbers among them, and that last.
 
-    What many numbers leave says little of what is missing, and a step on them takes long.
+    What many numbers leave says little of what is missing, and a step on them takes long: they come last, but where
+    they leave far less than all others. Those with them on top would only leave as much.
     """
     leaders: dict[tuple[object, ...], Fitted] = {}
     for x in sorted(fits, key=lambda x: x.training_square):
@@ -294,8 +297,9 @@ def _leaders(fits: Sequence[Fitted], most: int = BUDGET.beam) -> list[Fitted]:
     fewest = min((x.hypothesis.free_count for x in leaders.values()), default=0)
     simple = [x for x in leaders.values() if x.hypothesis.free_count <= fewest + BUDGET.few_numbers]
     flexible = [x for x in leaders.values() if x not in simple][:1]
-    most = max(most, BUDGET.beam)
-    return [*simple[: most - len(flexible)], *flexible]
+    kept = simple[: max(most, BUDGET.beam) - len(flexible)]
+    is_far = any(x.training_square <= BUDGET.enough * y.training_square for x in flexible for y in kept[:1])
+    return [*flexible, *kept] if is_far else [*kept, *flexible]
 
 
 def _is_nearly_done(archive: Archive, fitted: Fitted) -> bool:
