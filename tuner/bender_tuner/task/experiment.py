@@ -17,6 +17,7 @@ from bender_loop.control.trace import Array, Trace
 from bender_loop.fmu.followed_model import Loop, run_following
 from bender_tuner.task.following import Following
 
+FINEST_STEP_S = 1e-3
 _SAME_S = 1e-9
 _DOWN = 0.5
 """Part of the way up."""
@@ -154,6 +155,13 @@ class StepExperiment:
             sampling=replace(self.sampling, latency_frames=latency_frames),
             believed_latency_frames=self.sampling.latency_frames,
         )
+
+
+def between_frames(experiment: StepExperiment) -> StepExperiment:
+    """Return the same step with the time between the frames in steps of 1 ms or less."""
+    sampling = experiment.sampling
+    finer = max(1, math.ceil(sampling.plant_step_s / FINEST_STEP_S - 1e-9))
+    return replace(experiment, sampling=replace(sampling, substeps=finer * sampling.substeps))
 
 
 def _rms_um(trace: Trace) -> float:

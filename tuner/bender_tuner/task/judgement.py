@@ -1,6 +1,5 @@
 """What a set of gains is worth, by the same yardstick whichever method found it."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -18,11 +17,11 @@ from bender_tuner.model.monte_carlo import (
     uniform,
 )
 from bender_tuner.results.report import RobustnessReport, robustness_report
+from bender_tuner.task.experiment import between_frames
 from bender_tuner.task.following import Following
 from bender_tuner.task.practitioner import PractitionerReport
 from bender_tuner.task.problem import TuningProblem
 
-FINEST_STEP_S = 1e-3
 _NOISE_SHARE = 0.01
 _LONGER = 2.0
 
@@ -56,9 +55,7 @@ def judge(problem: TuningProblem, gains: Gains, following: Following | None = No
     Raises:
         RunError: the plant failed.
     """
-    sampling = problem.experiment.sampling
-    finer = max(1, math.ceil(sampling.plant_step_s / FINEST_STEP_S - 1e-9))
-    fine = replace(problem.experiment, sampling=replace(sampling, substeps=finer * sampling.substeps))
+    fine = between_frames(problem.experiment)
     trace = fine.run(gains, following)
     report = problem.practitioner.evaluate(gains, following)
     return Judgement(

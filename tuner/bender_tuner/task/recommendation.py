@@ -117,7 +117,9 @@ def recommend(
     if device.by_diagnosis:
         judge = as_known(problem, device.gain_error_percent, device.late_frames)
     alone = judge.evaluate(gains)
-    doubts = () if settings.gain_error_percent is not None else doubts_of(problem.experiment, doubted, gains)
+    known_Hz = _known_frequency_Hz(problem, gains)
+    doubted = () if settings.gain_error_percent is not None else doubted
+    doubts = doubts_of(problem.experiment, doubted, gains, known_Hz)
     tried: list[Scored] = []
     best: Scored | None = None
     for group in candidates(model, fmu, settings.setpoint_um, settings.sampling, problem.reduced.lag_s):
@@ -129,7 +131,7 @@ def recommend(
             break
     ratio = math.nan
     if best is None and (near := choose(tried, WORSE * alone.value)) is not None:
-        ratio = _known_ratio(problem, judge, gains, near.following)
+        ratio = judge.known_sine_ratio(known_Hz, gains, near.following)
         best = near if ratio <= _KNOWN_RATIO else None
     holds = best is None or math.isfinite(problem.practitioner.evaluate(gains, best.following).value)
     shown = best or min(tried, key=lambda x: (not x.bounds_kept, bool(x.harm), x.value))
@@ -164,11 +166,11 @@ def _scored(judge: PractitionerObjective, gains: Gains, following: Following, do
     return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed)
 
 
-def _known_ratio(problem: TuningProblem, judge: PractitionerObjective, gains: Gains, following: Following) -> float:
-    """The error of a reference that is known beforehand, to that of the PID block alone; on the worst device."""
+def _known_frequency_Hz(problem: TuningProblem, gains: Gains) -> float:
+    """Of a reference that the loop follows, and that is told beforehand."""
     crossover = margins(gains, problem.ensemble.nominal.delayed).crossover_rad_per_s
     follows_rad_per_s = crossover if math.isfinite(crossover) else _SLOW_RAD_PER_S
-    return judge.known_sine_ratio(_KNOWN_SHARE * follows_rad_per_s / (2.0 * math.pi), gains, following)
+    return _KNOWN_SHARE * follows_rad_per_s / (2.0 * math.pi)
 
 
 def _of_rules(judge: PractitionerObjective, contenders: Sequence[Contender]) -> list[Score]:
