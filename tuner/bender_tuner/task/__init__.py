@@ -3,6 +3,7 @@
 | module | holds |
 |---|---|
 | `contenders` | everything that competes on one problem |
+| `doubts` | devices without an effect that only a model has |
 | `experiment` | the run that an objective judges: a step of the setpoint in the closed loop |
 | `following` | model following: the shaper and the horizon that suit a model |
 | `interrupts` | ctrl-C, SIGTERM and SIGHUP that wait until no FMU call is running |
