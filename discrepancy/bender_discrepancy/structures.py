@@ -31,7 +31,8 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
     """Return linear models of some records: the best that creeps to rest, the best that rings, and a gain alone.
 
     A lag is a special case of two: beside these it would be tried twice. A delay is an effect of the catalogue, which
-    competes with the others: no structure has one. Where time is only an order, nothing but the gain is left.
+    competes with the others: no structure has one, but the one behind a loop. A loop leads the numbers of all others
+    astray, so that one takes their place, beside the gain. Where time is only an order, nothing but the gain is left.
 
     Raises:
         InputError: no linear model can be simulated over the records.
@@ -42,11 +43,14 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
         found = linear_structures(records, how.input_hold, AUTO, names)
     except ArithmeticError as error:
         raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
-    plain = [x for x in found if not x.structure.delay and x.hidden_behind is None and x.rings]
+    linear = [x for x in found if not x.behind_a_loop]
+    plain = [x for x in linear if not x.structure.delay and x.hidden_behind is None and x.rings]
     gain = next((x.model for x in plain if x.structure.order == 0), None)
-    simple = [] if how.untimed else [x for x in plain if 0 < x.structure.order <= MOST_ORDER]
-    kinds = {bool(x.structure.modes): x.model for x in reversed(simple) if not (x.structure.lags and x.structure.modes)}
-    orders = [x.model for x in simple if x.model in kinds.values()]
+    simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
+    kinds = {bool(x.structure.modes): x for x in reversed(simple)}
+    looped = [x for x in found if x.behind_a_loop and x.rings][:1]
+    best = looped or [x for x in simple if x in kinds.values()]
+    orders = [] if how.untimed else [x.model for x in best]
     # behind an even curve a linear fit sees nothing: the structure that it hides is one more
     hidden = [x.model for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]
     models = [*orders, *([] if gain is None else [gain]), *hidden]

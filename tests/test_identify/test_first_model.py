@@ -13,6 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, freqresp, lsim
 
 from bender_cli.main import main
+from bender_discrepancy.settings import Settings as DiagnoseSettings
+from bender_discrepancy.structures import competing_structures
 from bender_identify.first_model.choice import MOST_IN_VAIN, Losses, Scored, first_model, is_better, select
 from bender_identify.first_model.excerpt import MOST_ROWS, excerpts
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
@@ -392,10 +394,16 @@ def test_a_lag_and_a_delay_behind_a_loop_of_an_actuator_in_use_are_told_apart():
         read[k] = late
     read = 50.0 * np.concatenate([np.zeros(41), read])[: fine.size : parts]
     read += 0.03 * np.random.default_rng(2).standard_normal(read.size)
-    found = found_in(Record(0.04 * np.arange(volts.size, dtype=np.float64), volts, read))
+    record = Record(0.04 * np.arange(volts.size, dtype=np.float64), volts, read)
+    found = found_in(record)
     assert found.loop is not None
     assert found.chosen.structure == Structure(lags=1, delay=True)
     assert found.chosen.values == pytest.approx((0.05, 0.04), rel=0.1)
+    # where structures compete, it takes the place of those that the loop leads astray
+    (looped,) = (x for x in linear_structures(record) if x.behind_a_loop)
+    assert looped.structure == Structure(lags=1, delay=True)
+    competing = competing_structures([record], DiagnoseSettings())
+    assert [x.values().get("plant_lag.time_constant", 0.0) for x in competing] == pytest.approx([0.05, 0.0], rel=0.1)
 
 
 @pytest.mark.parametrize("hold", ["hold", "linear"])

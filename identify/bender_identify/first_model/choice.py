@@ -169,7 +169,7 @@ def first_model(
     final_task = FitTask.of(experiments)
     everything = [x.fitted | x.held_out for x in final_task.experiments]
     if any(x.fit.structure == Structure() for x in wanted):
-        loop = _better_loop(search, scores, wanted, selected.numbers)
+        loop = better_loop(search, scores, wanted, selected.numbers)
         if loop is not None:
             plays, left = loop
             selected = next(x for x in wanted if x.fit.structure == plays.structure)
@@ -338,7 +338,7 @@ def block_losses(task: FitTask, residuals: Sequence[Array]) -> tuple[Array, Arra
     return np.array(squares), np.array(counts) / sum(counts)
 
 
-def _better_loop(
+def better_loop(
     task: FitTask, scores: Sequence[Scored], wanted: Sequence[Scored], most_numbers: int
 ) -> tuple[LoopRival, Losses] | None:
     """Return plays that simulate unseen blocks better than every structure, before the simplest that serves as well.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bender_identify.first_model.choice import Scored, row_masks, select, structures_scored
+from bender_identify.first_model.choice import Scored, better_loop, row_masks, select, structures_scored
 from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import FitTask, Mask, evaluated, solved
@@ -36,6 +36,7 @@ class LinearStructure:
         hidden_behind: id of the effect that hides this structure from a linear fit, None where nothing does. Its
             `unseen_rms` is then that of structure and effect together.
         hiding: the numbers of that effect's block.
+        behind_a_loop: it was fitted behind a loop without time, which leads the numbers of all others astray.
     """
 
     model: Model
@@ -45,6 +46,7 @@ class LinearStructure:
     losses: tuple[float, ...]
     hidden_behind: str | None = None
     hiding: tuple[tuple[str, float], ...] = ()
+    behind_a_loop: bool = False
 
     @property
     def rings(self) -> bool:
@@ -63,7 +65,8 @@ def linear_structures(
 
     The first one is what `bender model fit` would take if nothing nonlinear were likelier: the simplest structure
     within one standard error of the best on unseen blocks. The others follow by what they leave there. Where no linear
-    model follows the records, the structure hidden behind an even curve comes last.
+    model follows the records, the structure hidden behind an even curve comes last. Where a loop without time hides
+    dynamics, so does the structure behind it.
 
     Args:
         records: of one device, in the same quantities.
@@ -92,7 +95,8 @@ def of_experiments(experiments: Sequence[Experiment], name: str = "auto") -> lis
     others = sorted((x for x in scores if x is not selected), key=lambda x: x.held_out_rms)
     counted = [x.fitted | x.held_out for x in whole.experiments]
     found = [_candidate(whole, counted, x, name) for x in (selected, *others)]
-    return [x for x in found if x is not None] + _hidden(task, whole, counted, selected, name)
+    alive = [x for x in found if x is not None]
+    return [*alive, *_hidden(task, whole, counted, selected, name), *_looped(task, whole, counted, scores, name)]
 
 
 def _candidate(whole: FitTask, counted: Sequence[Mask], x: Scored, name: str) -> LinearStructure | None:
@@ -126,3 +130,21 @@ def _hidden(
     return [
         LinearStructure(model, rival.structure, len(rival.values), rival.held_out_rms, losses, rival.effect, numbers)
     ]
+
+
+def _looped(
+    task: FitTask, whole: FitTask, counted: Sequence[Mask], scores: Sequence[Scored], name: str
+) -> list[LinearStructure]:
+    """Return the structure behind a loop without time that simulates unseen blocks better than all, or none."""
+    if not any(not x.fit.structure.parts for x in scores):
+        return []
+    found = better_loop(task, scores, scores, select(scores).numbers)
+    if found is None or not found[0].structure.names:
+        return []
+    loop, left = found
+    fit = evaluated(whole, loop.structure, loop.values, counted)
+    if fit is None:
+        return []
+    model = loop.structure.model(loop.values, fit.gain or LEAST_GAIN, fit.offsets[0], name)
+    losses = tuple(left.losses.tolist())
+    return [LinearStructure(model, loop.structure, len(loop.values), left.held_out_rms, losses, behind_a_loop=True)]
