@@ -37,9 +37,9 @@ def test_a_bench_comes_back_from_a_file_as_it_was():
     assert (math.isnan(again.settling_s[0]), again.settling_s[1]) == (True, 0.2)
 
 
-@pytest.mark.parametrize(("seed", "error", "tried"), [(5, "", 0), (6, "", 1), (5, "RunError: failed", 1)])
+@pytest.mark.parametrize(("seed", "verdict", "tried"), [(5, "named", 0), (6, "named", 1), (5, "error", 1)])
 def test_only_what_was_asked_the_same_and_did_not_fail_is_kept(
-    seed: int, error: str, tried: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    seed: int, verdict: str, tried: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     (case,) = (x for x, _ in zip(control.hidden_benches(control.EFFECTS, 5), range(1), strict=False))
     asked = {"effects": None, "first_seed": seed, "evaluations": 91, "wrong_name": False, "spread": 0}
@@ -47,7 +47,7 @@ def test_only_what_was_asked_the_same_and_did_not_fail_is_kept(
 
     content = {
         "asked": {"version": version()} | asked,
-        "benches": [replace(FOUND, id=case.id, error=error).to_dict()],
+        "benches": [replace(FOUND, id=case.id, verdict=verdict, error="not recommended").to_dict()],
     }
     (tmp_path / "control.json").write_text(json.dumps(finite(content)))
     begun: list[str] = []

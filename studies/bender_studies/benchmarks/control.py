@@ -90,16 +90,16 @@ def _asked(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _kept(path: Path, asked: dict[str, Any]) -> "list[Tried]":
-    """The benches of an earlier run that was asked the same, but for those that failed."""
+    """The benches of an earlier run that was asked the same, but for those that failed; a refusal is an answer."""
     import json
 
-    from bender_studies.control.trial import Tried
+    from bender_studies.control.trial import FAILED, Tried
 
     try:
         earlier = json.loads(path.read_text(encoding="utf-8"))
         if earlier["asked"] != asked:
             return []
-        return [found for x in earlier["benches"] if not (found := Tried.from_dict(x)).error]
+        return [found for x in earlier["benches"] if (found := Tried.from_dict(x)).verdict != FAILED]
     except (OSError, ValueError, LookupError, TypeError):
         return []
 

@@ -36,6 +36,8 @@ RATE_HZ = 30.0
 SETPOINT_UM = 10.0
 SLEW_V_PER_S = 225.0
 VOLTS = 0.0, 50.0
+FAILED = "error"
+"""In the place of the verdict of a bench on which something went wrong."""
 SHARES_OF_LIMIT = (0.1, 0.15, 0.2)
 """Frequencies of triangles and sines, in parts of the frequency at which the plain loop still follows."""
 LOWEST_UM, HIGHEST_UM = 2.0, 10.0
@@ -74,7 +76,7 @@ class Tried:
 
     id: str
     truth: tuple[str, ...]
-    verdict: str = "error"
+    verdict: str = FAILED
     effects: tuple[str, ...] = ()
     recommended: bool = False
     worst_ms: float = math.nan
