@@ -10,8 +10,8 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model
 
 AUTO = "auto"
-MOST_ORDER = 2
-"""The search tries every effect on each structure. Higher orders imitate what is not linear."""
+MOST_STRUCTURES, MOST_ORDER = 2, 2
+"""Besides a gain alone: the search tries every effect on each. Higher orders imitate what is not linear."""
 
 
 def between_rows_decided(records: Sequence[Record], how: Settings, names: Sequence[str] = ()) -> Settings:
@@ -31,8 +31,8 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
     """Return linear models of some records: the best that creeps to rest, the best that rings, and a gain alone.
 
     A lag is a special case of two: beside these it would be tried twice. A delay is an effect of the catalogue, which
-    competes with the others: no structure has one, but the one behind a loop. A loop leads the numbers of all others
-    astray, so that one takes their place, beside the gain. Where time is only an order, nothing but the gain is left.
+    competes with the others: no structure has one, but the one behind a loop. A loop may lead the numbers of the
+    others astray, so that one is the first of them. Where time is only an order, nothing but the gain is left.
 
     Raises:
         InputError: no linear model can be simulated over the records.
@@ -49,7 +49,7 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
     simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
     kinds = {bool(x.structure.modes): x for x in reversed(simple)}
     looped = [x for x in found if x.behind_a_loop and x.rings][:1]
-    best = looped or [x for x in simple if x in kinds.values()]
+    best = [*looped, *(x for x in simple if x in kinds.values())][:MOST_STRUCTURES]
     orders = [] if how.untimed else [x.model for x in best]
     # behind an even curve a linear fit sees nothing: the structure that it hides is one more
     hidden = [x.model for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]

@@ -18,7 +18,8 @@ from bender_loop.records.telling_rows import Rows, changing_commands, first_row,
 # of all records together: more rows than these are searched in part. So many changes of the command, and so long a
 # time, are then simulated, in which a mode of 104 Hz can be simulated in full, so that every effect can be tried; so
 # many rows of that time are read
-MOST_ROWS = 20_000
+MOST_ROWS = 12_000
+EXCERPT_CHANGES = 20_000
 EXCERPT_ROWS = 10_000
 EXCERPT_S = 1_500.0
 FEWEST_ROWS = 2_000
@@ -101,7 +102,7 @@ def _excerpt(x: Observations, records: int) -> Excerpt:
     longest = max(int(EXCERPT_S / float(np.median(np.diff(x.time_s)))), FEWEST_ROWS)
     known = _known(x, min(longest, x.measured_um.size))
     volts, read = x.command_V[known:], x.usable[known:]
-    window = telling_window(volts, read, longest, max(MOST_ROWS // (records * _cost(x)), FEWEST_OF_ONE))
+    window = telling_window(volts, read, longest, max(EXCERPT_CHANGES // (records * _cost(x)), FEWEST_OF_ONE))
     most = max(EXCERPT_ROWS // records, FEWEST_OF_ONE)
     return Excerpt(x, known + window.start + telling_rows(volts[window], read[window], most), known)
 

@@ -3,6 +3,7 @@
 | module | holds |
 |---|---|
 | `page`, `page.html.j2`, `page.css` | the page, on the base template of `bender_report` |
+| `device_words` | words for devices that are no piezo bender |
 | `effect_sections`, `lead_section`, `visible_section` | sections: an effect, an equation, what would have shown |
 | `pictured_record` | one record as the pictures show it |
 | `overlay_pictures`, `residual_pictures` | the pictures of the page |
