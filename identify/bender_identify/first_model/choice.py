@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, evaluated, fitted, with_deviations
-from bender_identify.first_model.loop_rival import Fold, LoopRival, behind_leaning_plays, loop_rival
+from bender_identify.first_model.loop_rival import Fold, LoopRival, behind_leaning_plays, loop_rival, without_plays
 from bender_identify.first_model.rivals import Rival, best_rival, refitted
 from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
@@ -37,6 +37,8 @@ MOST_IN_VAIN = 2
 """Orders in turn that bring nothing; one alone may, where two modes show only together."""
 AS_GOOD, MOST_WORSE = 1.02, 1.05
 """How much more a simpler structure may leave in any case, and at most, whatever the standard error."""
+BEHIND_A_LOOP = 0.5
+"""Of the mean square of most blocks that a structure leaves without the loop: with it, no more."""
 ROUGH_EVALUATIONS, REFINED_EVALUATIONS = 25, 8
 
 Tell = Callable[[str], None]
@@ -350,8 +352,8 @@ def better_loop(
         most_numbers: of a structure behind plays that do not lean: a linear fit shows no more.
     """
     folds: list[Fold] = [row_masks(task, k) for k in range(FOLDS)]
-    plain = [x for x in wanted if x.numbers <= most_numbers]
-    tried = [loop_rival(task, folds, x.fit.structure, [y.values for y in x.fits]) for x in plain]
+    few = [x for x in wanted if x.numbers <= most_numbers]
+    tried = [loop_rival(task, folds, x.fit.structure, [y.values for y in x.fits]) for x in few]
     known = [x for x in tried if x is not None]
     found = _simplest_loop(task, known)
     if found is None or not is_better(_best_of(scores).left, found[1]):
@@ -359,7 +361,14 @@ def better_loop(
     simple = [x.fit.structure for x in wanted if x.fit.structure.lags + x.fit.structure.modes <= 1]
     leaning = [behind_leaning_plays(task, folds, x, known) for x in simple]
     better = _simplest_loop(task, [x for x in leaning if x is not None])
-    return better if better is not None and is_better(found[1], better[1]) else found
+    best = better if better is not None and is_better(found[1], better[1]) else found
+    plain = without_plays(task, folds, best[0])
+    return best if plain is None or _is_less_in_most_blocks(_losses(task, plain), best[1]) else None
+
+
+def _is_less_in_most_blocks(simple: Losses, rich: Losses) -> bool:
+    """Return whether the second leaves clearly less in most blocks: what only takes up the beginning does not."""
+    return bool(np.median(rich.losses / np.maximum(simple.losses, 1e-300)) < BEHIND_A_LOOP)
 
 
 def _simplest_loop(task: FitTask, loops: Sequence[LoopRival]) -> tuple[LoopRival, Losses] | None:

@@ -124,6 +124,21 @@ def behind_leaning_plays(
     return LoopRival(structure, values or (), tuple(residuals))
 
 
+def without_plays(task: FitTask, folds: Sequence[Fold], loop: LoopRival) -> list[Array] | None:
+    """Return what the structure of a loop leaves of unseen rows (n,) of every record with its numbers, but no plays.
+
+    A linear fit may have stopped short of them.
+    """
+    columns = [np.concatenate(task.readings(loop.structure.model(loop.values)))]
+    found = [np.full(x.time_s.size, np.nan) for x in task.experiments]
+    for fold in folds:
+        left = _left_of(task, fold, columns)
+        if left is None:
+            return None
+        found = [np.where(np.isfinite(r), r, k) for r, k in zip(left, found, strict=True)]
+    return found
+
+
 def _starts(task: FitTask, structure: Structure, known: Sequence[LoopRival]) -> list[tuple[float, ...]]:
     """Return numbers that a structure sets out with: by how much others are late in all, all of it or in halves."""
     late_s = sorted(_late_s(x) for x in known if x.structure.names)
@@ -196,8 +211,11 @@ def _left(
 ) -> list[Array] | None:
     """Return what plays before a structure leave of the judged rows (n,) of every record, NaN elsewhere."""
     columns = _columns(task, structure, values, leaning=leaning)
-    if columns is None:
-        return None
+    return None if columns is None else _left_of(task, fold, columns)
+
+
+def _left_of(task: FitTask, fold: Fold, columns: Sequence[Array]) -> list[Array] | None:
+    """Return what is left of the judged rows (n,) of every record by columns and an offset of each record."""
     readings = [x.measured_um for x in task.experiments]
     sizes = [y.size for y in readings]
     offsets = [np.repeat(np.eye(len(sizes))[k], sizes) for k in range(len(sizes))]
