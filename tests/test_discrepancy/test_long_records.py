@@ -1,6 +1,7 @@
 """Long records: which part of them is searched, what its plant remembers, and what is held against the whole."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,13 @@ def test_only_long_records_are_cut(sizes: Sequence[int], untimed: bool) -> None:
         assert 0 <= x.rows[0] <= x.rows[-1] < size
         assert x.rows.size >= min(size, excerpt.FEWEST_OF_ONE // 2)
         assert x.seen().measured_um.size == x.rows.size
+
+
+def test_rows_under_a_course_that_never_stands_follow_each_other() -> None:
+    held = seen(np.random.default_rng(3).normal(0.0, 10.0, 40_000))
+    (cut,) = excerpts([replace(held, drive=replace(held.drive, smooth=True))])
+    assert np.all(np.diff(cut.rows) == 1)
+    assert excerpt.FEWEST_ROWS <= cut.rows.size < held.measured_um.size
 
 
 def test_what_tells_of_the_time_before_a_record_in_motion_counts_nowhere() -> None:

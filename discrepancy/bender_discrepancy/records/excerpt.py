@@ -99,12 +99,21 @@ def _untimed_excerpt(x: Observations, records: int) -> Excerpt:
 
 
 def _excerpt(x: Observations, records: int) -> Excerpt:
+    if x.drive.smooth:
+        return _smooth_excerpt(x, records)
     longest = max(int(EXCERPT_S / float(np.median(np.diff(x.time_s)))), FEWEST_ROWS)
     known = _known(x, min(longest, x.measured_um.size))
     volts, read = x.command_V[known:], x.usable[known:]
     window = telling_window(volts, read, longest, max(EXCERPT_CHANGES // (records * _cost(x)), FEWEST_OF_ONE))
     most = max(EXCERPT_ROWS // records, FEWEST_OF_ONE)
     return Excerpt(x, known + window.start + telling_rows(volts[window], read[window], most), known)
+
+
+def _smooth_excerpt(x: Observations, records: int) -> Excerpt:
+    """Return consecutive rows: a course that never stands has no quick part and no slow one to be shown apart."""
+    rows = min(max(EXCERPT_ROWS // (records * SMOOTH_ROW), FEWEST_ROWS // records, FEWEST_OF_ONE), x.measured_um.size)
+    known = _known(x, rows)
+    return Excerpt(x, known + first_row(x.command_V[known:], x.usable[known:], rows) + np.arange(rows), known)
 
 
 def _known(x: Observations, rows: int) -> int:
