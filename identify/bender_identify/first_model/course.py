@@ -90,7 +90,7 @@ def _best(records: Sequence[Record], names: Sequence[str], course: InputHold) ->
     """Return the simple structure that predicts unseen blocks best; None where none can be simulated."""
     experiments = experiments_of(records, names, course)
     try:
-        scores = structures_scored(FitTask.of(excerpts(experiments), rough=True), only=SIMPLE)
+        scores = structures_scored(FitTask.of(excerpts(experiments, stretches=True), rough=True), only=SIMPLE)
     except ArithmeticError:
         return None
     return min(scores, key=lambda x: x.held_out_rms)

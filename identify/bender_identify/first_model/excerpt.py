@@ -34,20 +34,28 @@ EVEN = 0.2
 """Of the usual step: how much longer or shorter steps of even rows may be."""
 
 
-def excerpts(experiments: Sequence[Experiment], most_rows: int = MOST_ROWS) -> list[Experiment]:
-    """Return records with at most so many rows in all, short ones as they are."""
+def excerpts(
+    experiments: Sequence[Experiment], most_rows: int = MOST_ROWS, *, stretches: bool = False
+) -> list[Experiment]:
+    """Return records with at most so many rows in all, short ones as they are.
+
+    Args:
+        experiments: the records.
+        most_rows: of all of them.
+        stretches: the same rows whatever the input does between them, so that courses can be compared.
+    """
     total = sum(x.time_s.size for x in experiments)
     if total <= most_rows:
         return list(experiments)
     found: list[Experiment] = []
     for x in experiments:
         rows = max(int(most_rows * x.time_s.size / total), min(x.time_s.size, most_rows // (4 * len(experiments))))
-        found += _excerpts_of(x, rows)
+        found += _excerpts_of(x, rows, stretches)
     return found
 
 
-def _excerpts_of(x: Experiment, most_rows: int) -> list[Experiment]:
-    if x.time_s.size > most_rows and x.timed and not (x.drive.linear or x.drive.smooth):
+def _excerpts_of(x: Experiment, most_rows: int, stretches: bool) -> list[Experiment]:
+    if not stretches and x.time_s.size > most_rows and x.timed and not (x.drive.linear or x.drive.smooth):
         return [_telling_part(x, most_rows)]
     every = min(_rows_apart(x), -(-x.time_s.size // most_rows))
     if x.time_s.size <= most_rows * every:
