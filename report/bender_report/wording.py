@@ -158,9 +158,12 @@ def plain(text: str) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent: `71 %`, `99.4 %` where the last per cent counts."""
+    """Return a share in per cent: `71 %`, `99.4 %` and `99.97 %` where the last per cent counts."""
     value = 100.0 * share
-    return f"{value:.1f} %" if 95.0 <= value < 99.95 or 0.0 < value < 5.0 else f"{value:.0f} %"
+    rest = min(value, 100.0 - value)
+    if value < 0.0 or rest < 0.005 or 5.0 <= value < 95.0:
+        return f"{value:.0f} %"
+    return f"{value:.2f} %" if rest < 0.05 else f"{value:.1f} %"
 
 
 def chance(probability: float) -> str:

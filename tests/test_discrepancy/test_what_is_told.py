@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reported_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.findings import find
@@ -15,7 +17,7 @@ from bender_discrepancy.records.observations import observe
 from bender_discrepancy.report.visible_section import never_visible, visible_rows
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
-from bender_report.wording import chance, plain, shown_in, unit_text, with_units_kept
+from bender_report.wording import chance, percent, plain, shown_in, unit_text, with_units_kept
 
 ROWS = 400
 TIME_s = np.arange(ROWS) / 30.0
@@ -80,3 +82,17 @@ def test_notes_name_effects_by_their_titles() -> None:
     said = " ".join(warnings(replace(findings, effects=(effect,))))
     assert "source resistance: these records do not determine time_constant_s" in said
     assert not any(f"{x}:" in said for x in EFFECTS if "_" in x)
+
+
+@given(st.floats(0.0001, 0.9999))
+def test_a_part_is_never_told_as_nothing_or_as_all(share: float) -> None:
+    told = float(percent(share).removesuffix(" %"))
+    assert 0.0 < told < 100.0
+    assert told == pytest.approx(100.0 * share, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("share", "told"), [(0.0, "0 %"), (0.0004, "0.04 %"), (0.71, "71 %"), (0.9997, "99.97 %"), (1.0, "100 %")]
+)
+def test_the_last_per_cent_is_told_closely(share: float, told: str) -> None:
+    assert percent(share) == told

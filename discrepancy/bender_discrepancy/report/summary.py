@@ -105,7 +105,7 @@ def _lead(result: dict[str, Any]) -> str:
         closes = next((x["share_of_gap"] for x in result["effects"] if x["id"] == SPARSE_EQUATION), 0.0)
         told = f"it closes {percent(closes)} of the gap and is in the corrected model"
     else:
-        told = f"it explains {percent(found['explains'])} of what is left above the noise and is not in the model"
+        told = f"it explains {percent(found['explains'])} of the residual above the noise and is not in the model"
     return f"{found['equation']}; {told}; it names no effect"
 
 

@@ -125,7 +125,7 @@ def behind_leaning_plays(
 
 
 def without_plays(task: FitTask, folds: Sequence[Fold], loop: LoopRival) -> list[Array] | None:
-    """Return what the structure of a loop leaves of unseen rows (n,) of every record with its numbers, but no plays.
+    """Return the residual (n,) of every record on unseen rows with the numbers of a loop's structure, but no plays.
 
     A linear fit may have stopped short of them.
     """
@@ -209,13 +209,13 @@ def _shortened(structure: Structure, values: Sequence[float], factor: float) -> 
 def _left(
     task: FitTask, fold: Fold, structure: Structure, values: tuple[float, ...], *, leaning: bool = False
 ) -> list[Array] | None:
-    """Return what plays before a structure leave of the judged rows (n,) of every record, NaN elsewhere."""
+    """Return the residual (n,) of every record with plays before a structure, NaN where no row is judged."""
     columns = _columns(task, structure, values, leaning=leaning)
     return None if columns is None else _left_of(task, fold, columns)
 
 
 def _left_of(task: FitTask, fold: Fold, columns: Sequence[Array]) -> list[Array] | None:
-    """Return what is left of the judged rows (n,) of every record by columns and an offset of each record."""
+    """Return the residual (n,) of every record after a linear fit of columns, NaN where no row is judged."""
     readings = [x.measured_um for x in task.experiments]
     sizes = [y.size for y in readings]
     offsets = [np.repeat(np.eye(len(sizes))[k], sizes) for k in range(len(sizes))]

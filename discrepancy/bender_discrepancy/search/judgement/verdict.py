@@ -63,7 +63,7 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
 
 
 def _why_likely(grades: Grades) -> str:
-    """Return why the leading effects are not certain: what may stand in their place, or what is left."""
+    """Return why the leading effects are not certain: rivals that are not excluded, or an unexplained residual."""
     first = "nothing else that was tried predicts unseen readings"
     open_ = list(dict.fromkeys(y.id for x in grades.effects for y in x.open_rivals))
     if open_:
