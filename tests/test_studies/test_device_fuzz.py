@@ -4,10 +4,13 @@ import json
 from collections.abc import Generator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from few import few_rows
 
 from bender_cli.main import main
+from bender_loop.records.record import Record
+from bender_loop.records.zero_move import zero_move
 from bender_proving.devices.record import draw
 from bender_studies.device_fuzz import campaign
 from bender_studies.device_fuzz.campaign import Tried, try_device
@@ -70,3 +73,17 @@ def test_an_interrupt_keeps_the_devices_that_are_done(
     assert written["devices"] == 1
     assert written["tried"][0]["seed"] == 7
     assert "1 devices from seed 7" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_jumps_of_the_reading_are_told_and_nothing_that_a_device_does(tmp_path: Path) -> None:
+    told: dict[bool, list[bool]] = {True: [], False: []}
+    for seed in range(1000, 1600):
+        strange = draw(seed)
+        strange.write(tmp_path / "record.csv", 0)
+        time_s, command, reading = np.genfromtxt(tmp_path / "record.csv", delimiter=",", skip_header=1, unpack=True)
+        found = zero_move(Record(time_s, command, reading))
+        told[strange.habits.jump > 0.0].append(found is not None)
+    print(f"{sum(told[True])} of {len(told[True])} jumps told, {sum(told[False])} of {len(told[False])} other records")
+    assert sum(told[True]) >= 0.7 * len(told[True])
+    assert not any(told[False])
