@@ -5,6 +5,7 @@ when the standard input has ended and nobody talks to the supply any more: with 
 that one ended.
 """
 
+import gc
 import json
 import signal
 import sys
@@ -32,6 +33,8 @@ from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.plant import FmuPlant
 
 _LINGER_S = 20.0
+_SWITCH_S = 1e-4
+"""After which a thread lets the others have the interpreter."""
 INSTRUMENTS: dict[str, Callable[[np.random.Generator], Instrument]] = {
     "33xxx": GeneratorInstrument,
     "33500": GeneratorInstrument,
@@ -88,6 +91,11 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
     if transducer is not None and sensor is not None:
         console.add_sensor(transducer, sensor.drop, sensor.is_busy)
         told["sensor"] = f"TCPIP::127.0.0.1::{sensor.port}::SOCKET"
+    # milliseconds of a collection, or of a thread that keeps the interpreter, would be taken for the bench's own delay
+    sys.setswitchinterval(_SWITCH_S)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     physics.start()
     _say(told)
     sys.stdin.read()

@@ -124,7 +124,7 @@ def _cadence(
 def _kilohertz(arguments: argparse.Namespace, seconds: float, fmu: Path) -> tuple[object, bool]:
     from bender_loop.shell.files import unused
     from bender_loop.shell.progress import print_table
-    from bender_studies.bench_trials.kilohertz import measure_kilohertz
+    from bender_studies.bench_trials.kilohertz import ALONE_S, measure_kilohertz
 
     folder = unused(arguments.out / "daq")
     found = measure_kilohertz(_walk(seconds), fmu, folder, realtime=arguments.realtime)
@@ -138,6 +138,7 @@ def _kilohertz(arguments: argparse.Namespace, seconds: float, fmu: Path) -> tupl
         ["complete reading to command, ms: median", median_ms, None],
         ["complete reading to command, ms: p99", high_ms, f"<= {KILOHERTZ_P99_MS:g}"],
         ["complete reading to command, ms: max", most_ms, None],
+        [f"waits of 1 ms that last 2 ms, in {ALONE_S:g} s without a bench", found.alone, None],
         ["load of the machine before, processors", f"{found.load:.1f}, {found.processors}", None],
     ]
     how = ", with priority" if arguments.realtime else ""
