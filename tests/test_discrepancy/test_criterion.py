@@ -13,12 +13,12 @@ from statsmodels.regression.linear_model import yule_walker
 from statsmodels.tsa.stattools import acf
 
 from bender_discrepancy.fitting.criterion import (
-    VERY_STRONG,
     Yardstick,
     autocorrelation_time,
     cost,
     independent_rows,
     price,
+    very_strong,
     yardstick,
 )
 from bender_discrepancy.fitting.whitening import whitening
@@ -100,8 +100,8 @@ def test_a_number_that_explains_nothing_raises_it_and_one_that_halves_the_square
 
 
 def test_the_threshold_allows_for_the_luckiest_start():
-    assert Yardstick(1, 1.0).threshold == pytest.approx(2.0 * math.log(300) + VERY_STRONG)
-    assert Yardstick(1, 1.0, 0).threshold == VERY_STRONG
+    assert Yardstick(1, 1.0).threshold == pytest.approx(2.0 * math.log(300) + very_strong())
+    assert Yardstick(1, 1.0, 0).threshold == very_strong()
     assert Yardstick(1, 1.0, 7).threshold == pytest.approx(2.0 * math.log(7) + 2.0 * math.log(100.0))
     assert Yardstick(1, 1.0, 7, 0.9).threshold == pytest.approx(2.0 * math.log(7) + 2.0 * math.log(10.0))
 
@@ -116,7 +116,7 @@ def test_the_luckiest_of_many_starts_stays_below_the_threshold():
         shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
         best = float(noise @ noise) - float(np.max((shapes @ noise) ** 2))
         gain = 100.0 * math.log(float(noise @ noise) / best) - price(1, 100.0)
-        beyond += gain > Yardstick(100, 100.0, starts).threshold - VERY_STRONG
+        beyond += gain > Yardstick(100, 100.0, starts).threshold - very_strong()
     assert beyond <= 30
 
 
@@ -152,7 +152,7 @@ def test_what_a_slow_residual_would_hide_decides():
     assert cost(beside, by) < cost(without, by) - by.threshold
     # a drift of another size gains nothing
     other = fitted(count=3, residuals=(1.001 * drift,))
-    assert abs(cost(other, by) - cost(beside, by)) < VERY_STRONG
+    assert abs(cost(other, by) - cost(beside, by)) < very_strong()
 
 
 def test_a_beginning_that_fits_gains_nothing_on_the_rows_of_choices():

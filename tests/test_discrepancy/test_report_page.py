@@ -20,7 +20,7 @@ from bender_discrepancy.conclusion.measurement.corrected_model import Gap
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.proposal import Proposal
-from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.loop_and_creep import (
     creep_per_decade,
@@ -187,12 +187,12 @@ def test_no_noise_and_no_gap_still_make_bars():
 @given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=8))
 def test_bars_of_rivals_grow_with_what_they_are_worse_by(differences: list[float]):
     rivals = [("creep", x) for x in sorted(differences)]
-    bars, line = ranking_bars("Backlash", rivals, VERY_STRONG)
+    bars, line = ranking_bars("Backlash", rivals, very_strong())
     widths = [bar["width"] for bar in bars[1:]]
     assert widths == sorted(widths)
     assert 0.0 < line < 100.0
     for (_, difference), width in zip(rivals, widths, strict=True):
-        assert (width >= line - 0.02) == (difference >= VERY_STRONG) or abs(difference - VERY_STRONG) < 0.05
+        assert (width >= line - 0.02) == (difference >= very_strong()) or abs(difference - very_strong()) < 0.05
 
 
 def test_density_of_white_noise_is_flat_and_its_size_known():

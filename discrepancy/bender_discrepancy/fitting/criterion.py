@@ -26,18 +26,14 @@ from bender_discrepancy.fitting.whitening import Whitening, whitening
 from bender_discrepancy.records.observations import Array, Mask
 
 CONFIDENCE = 0.99
-STARTS_OF_A_FORM = 20
-"""About so many are compared for each form: those that it gives itself, and the delays, steps and frequencies that are
-scanned. The threshold holds the logarithm of all of them: twice as many raise it by 1.4."""
 
 
 def very_strong(confidence: float = CONFIDENCE) -> float:
-    """Return the difference of the criterion between two given hypotheses that decides: odds of 1 to 1 - confidence."""
+    """Return the difference of the criterion between two given hypotheses that decides: odds of 1 to 1 - confidence.
+
+    At the usual confidence 9.2; Kass and Raftery (1995) call 10 very strong.
+    """
     return -2.0 * math.log(1.0 - confidence)
-
-
-# at the usual confidence 9.2; Kass and Raftery (1995) call 10 very strong
-VERY_STRONG = very_strong()
 
 
 @dataclass(frozen=True, slots=True)
