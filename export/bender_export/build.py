@@ -32,26 +32,6 @@ def build_plant_fmu(model: Model, out: Path) -> Path:
     return _written(plant_fmu(model), out)
 
 
-def build_controller_fmu(out: Path) -> Path:
-    """Write the FMU of the PID block; returns its path.
-
-    Raises:
-        InputError: `out` does not end with .fmu, or its directory cannot be written.
-    """
-    return _written(controller_fmu(), out)
-
-
-def build_closed_loop(model: Model, out: Path, loop: "Loop | None" = None) -> Path:
-    """Write the SSP archive of the closed loop around the plant of a model; returns its path.
-
-    Raises:
-        InputError: `out` does not end with .ssp, or its directory cannot be written.
-    """
-    _checked_place(out, ".ssp")
-    write_atomically(out, closed_loop(plant_fmu(model), controller_fmu(loop), loop))
-    return out
-
-
 def build_all(model: str | Path, plant_out: Path, folder: Path, loop: "Loop | None" = None) -> tuple[Path, Path, Path]:
     """Write plant and controller FMU of a built-in model or a model file, and the loop of both.
 

@@ -141,7 +141,7 @@ def test_a_platform_without_library_is_told_what_still_works(monkeypatch: pytest
 def test_a_name_that_no_fmu_can_bear_is_refused(tmp_path: Path, name: str, found: str) -> None:
     (tmp_path / "folder.fmu").mkdir()
     with pytest.raises(InputError, match=f"{name}: found {found}"):
-        build.build_controller_fmu(tmp_path / name)
+        build.build_plant_fmu(load_model("paper"), tmp_path / name)
 
 
 SCRIPT = Path(__file__).parents[2] / "build_fmu.py"

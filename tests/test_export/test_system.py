@@ -1,5 +1,6 @@
 """The closed loop as an SSP archive: valid, complete, and the same in every tool and in bender's own loop."""
 
+import io
 import json
 import re
 import subprocess
@@ -19,7 +20,7 @@ from fmu_hosts import IMPORTERS, WITHIN_M, hosted, largest_difference
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from numpy.typing import ArrayLike, NDArray
 
-from bender_export.build import build_all, build_closed_loop, closed_loop, controller_fmu, plant_fmu
+from bender_export.build import build_all, closed_loop, controller_fmu, plant_fmu
 from bender_export.readme import refreshed
 from bender_export.system import PARAMETER_SETS, Loop, loop_of
 from bender_loop.control.closed_loop import Sampling, simulate
@@ -48,9 +49,9 @@ def parameter_set(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def archive(parameter_set: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_closed_loop(
-        load_model("paper"), tmp_path_factory.mktemp("ssp") / "ClosedLoop.ssp", Loop(parameter_set)
-    )
+    path = tmp_path_factory.mktemp("ssp") / "ClosedLoop.ssp"
+    path.write_bytes(closed_loop(plant_fmu(load_model("paper")), controller_fmu(), Loop(parameter_set)))
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -155,8 +156,8 @@ def test_the_same_model_gives_the_same_bytes_and_another_one_others(archive: Pat
 
 def test_tuned_gains_and_their_sampling_time_go_into_every_place_of_the_archive(tmp_path: Path) -> None:
     gains, limits = Gains(0.25, 7.0, 0.125, 0.0625, True), Limits(-5.0, 45.0, 0.5)
-    path = build_closed_loop(load_model("beam"), tmp_path / "tuned.ssp", loop_of(gains, limits, 1 / 30))
-    with zipfile.ZipFile(path) as opened:
+    loop = loop_of(gains, limits, 1 / 30)
+    with zipfile.ZipFile(io.BytesIO(closed_loop(plant_fmu(load_model("beam")), controller_fmu(loop), loop))) as opened:
         texts = [opened.read(name).decode() for name in opened.namelist() if name.endswith((".ssd", ".ssv"))]
         (master,) = {
             line for line in opened.read("SystemStructure.ssd").decode().splitlines() if "FixedStepMaster" in line
@@ -219,7 +220,8 @@ def test_the_loop_of_the_how_to_page_runs(
 ) -> None:
     page = README.parents[1] / "docs" / "how-to" / "fmu-in-other-tools.md"
     (example,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-    build_closed_loop(load_model("paper"), tmp_path / "fmu" / "ClosedLoop.ssp")
+    (tmp_path / "fmu").mkdir()
+    (tmp_path / "fmu" / "ClosedLoop.ssp").write_bytes(closed_loop(plant_fmu(load_model("paper")), controller_fmu()))
     monkeypatch.chdir(tmp_path)
     exec(example, {})
     assert re.fullmatch(r"1[3-6]\.\d{3} µm\n", capsys.readouterr().out)
