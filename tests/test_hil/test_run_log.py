@@ -25,7 +25,7 @@ from bender_hil.command import OWN_GAINS
 from bender_hil.learning import learn_on_bench, read_at
 from bender_hil.log.figures import staircase_figures, step_figures
 from bender_hil.log.journal import Journal, JournalError, read_journal
-from bender_hil.log.nexus import NEXUS, read_nexus, write_nexus
+from bender_hil.log.nexus import NEXUS, write_nexus
 from bender_hil.log.read_run import read_run
 from bender_hil.log.replay import replay_run
 from bender_hil.log.results import RECORD, recover
@@ -358,10 +358,12 @@ def run(tmp_path: Path) -> Path:
 def test_the_record_comes_back_bit_for_bit(run: Path):
     path = write_nexus(run)
     assert path == run / NEXUS
-    told, back = read_record(run / "record.csv").columns(), read_nexus(path).columns()
-    assert list(told) == list(back)
+    with h5py.File(path) as file:
+        back = {name: np.array(values) for name, values in file["entry/data"].items() if not name.endswith("_errors")}
+    told = read_record(run / "record.csv").columns()
+    assert told.keys() == back.keys()
     for name, values in told.items():
-        assert np.asarray(values).tobytes() == np.asarray(back[name]).tobytes(), name
+        assert np.asarray(values).tobytes() == back[name].tobytes(), name
 
 
 def test_every_command_reads_it_as_a_record(run: Path):
@@ -393,9 +395,6 @@ def test_a_file_is_not_written_over_and_a_folder_without_a_run_is_told(run: Path
     assert main(["hil", "nexus", str(run)]) == 2
     assert "is there already" in capsys.readouterr().err
     assert main(["hil", "nexus", str(run), "--out", str(tmp_path / "other.h5")]) == 0
-    (tmp_path / "text.h5").write_text("no HDF5")
-    with pytest.raises(InputError, match="layout of NeXus"):
-        read_nexus(tmp_path / "text.h5")
 
 
 @pytest.mark.slow

@@ -57,23 +57,6 @@ def write_nexus(directory: Path, out: Path | None = None) -> Path:
     return out
 
 
-def read_nexus(path: Path) -> Record:
-    """Return the record in a file that `write_nexus` made, bit for bit.
-
-    Raises:
-        InputError: it is no such file, or h5py is missing.
-    """
-    h5py = _h5py()
-    try:
-        with h5py.File(path, "r") as file:
-            data = file["entry/data"]
-            names = [name for name in data if not name.endswith("_errors")]
-            columns: dict[str, Any] = {name: np.array(data[name], dtype=np.float64) for name in names}
-        return Record(**columns)
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: found no record in the layout of NeXus ({error})") from error
-
-
 def uncertainty_um(log: RunLog, record: Record) -> NDArray[np.float64] | None:
     """Return the standard uncertainty of each displacement, (n,); None where nothing is known of it."""
     noise_um = next((entry["noise_um"] for entry in log.events if entry["kind"] == "rest"), None)

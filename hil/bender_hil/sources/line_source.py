@@ -20,7 +20,6 @@ from bender_hil.supply.same_instrument import SameInstrument
 from bender_hil.supply.source import Bounds
 from bender_loop.bounds import check_numbers
 
-_QUEUE_LENGTH = 32
 _TRIALS = 3
 _GAP_S = 0.01
 _FALL_S = 1.0
