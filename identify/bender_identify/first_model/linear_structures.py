@@ -35,7 +35,6 @@ class LinearStructure:
         losses: (blocks,) mean square of what it leaves on each of them; the same blocks for every candidate.
         hidden_behind: id of the effect that hides this structure from a linear fit, None where nothing does. Its
             `unseen_rms` is then that of structure and effect together.
-        hiding: the numbers of that effect's block.
         behind_a_loop: it was fitted behind a loop without time, which leads the numbers of all others astray.
     """
 
@@ -45,7 +44,6 @@ class LinearStructure:
     unseen_rms: float
     losses: tuple[float, ...]
     hidden_behind: str | None = None
-    hiding: tuple[tuple[str, float], ...] = ()
     behind_a_loop: bool = False
 
     @property
@@ -122,14 +120,10 @@ def _hidden(
     curve = whole.readings(rival.structure.model(rival.values).with_block(rival.effect, **rival.part))
     gain, offsets = solved(whole, curve, counted)
     size = abs(gain) or LEAST_GAIN
-    # lengths before the gain become as long as those behind it
-    numbers = tuple((key, float(x) * (size if key.endswith("_um") else 1.0)) for key, x in rival.part.items())
     model = rival.structure.model(rival.values, size, 0.0, name)
     model = model.with_block("calibration", gain=-1.0 if gain < 0.0 else 1.0, offset_um=offsets[0])
     losses = tuple(float(np.nanmean(np.square(r))) for r in rival.residuals if np.isfinite(r).any())
-    return [
-        LinearStructure(model, rival.structure, len(rival.values), rival.held_out_rms, losses, rival.effect, numbers)
-    ]
+    return [LinearStructure(model, rival.structure, len(rival.values), rival.held_out_rms, losses, rival.effect)]
 
 
 def _looped(

@@ -1,17 +1,14 @@
 """A fitted model of hysteresis, whatever its form."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bender_identify.fitting.output_error import OutputFit
 from bender_identify.fitting.resimulation import Bank, Score, score
 from bender_identify.records.experiment import Experiment
 from bender_plant.model import Model
-
-Array = NDArray[np.float64]
 
 NOTHING_UM = 1e-9
 
@@ -121,9 +118,3 @@ def scores(candidate: Candidate, experiments: Sequence[Experiment]) -> tuple[Sco
         measured = pick(bank.measured())
         found.append(score(measured, pick(readings)) if measured.size else None)
     return found[0], found[1]
-
-
-def refitted(candidate: Candidate, experiments: Sequence[Experiment]) -> Candidate:
-    """Return the candidate fitted to every row that counts."""
-    again = candidate.refit([x.fitting_all() for x in experiments])
-    return replace(again, id=candidate.id)
