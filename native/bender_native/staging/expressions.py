@@ -41,10 +41,6 @@ class Message:
         self.pieces = pieces
 
 
-_UNKNOWN = (UntranslatableError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError, UnjoinableError)
-"""What a piece of Python raises that means something else at the time of writing."""
-
-
 def evaluate(context: Context, node: ast.expr) -> Any:
     """Return the value of an expression.
 

@@ -11,9 +11,6 @@ from typing import Any, NoReturn, cast
 
 from bender_loop.errors import InputError
 
-MODEL = "m->"
-"""How a number that lives in the model's struct begins: it need not be passed from function to function."""
-
 _FIELD = re.compile(r"m->(?!scratch)[\w.]+(\[\d+\])?")
 
 
