@@ -5,7 +5,7 @@ import itertools
 import math
 import statistics
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,8 +23,6 @@ LINEAR = 1.05
 SHORTEST, LONGEST = 1_000, 1_000_000
 PARTS = ("camera", "several", "vibrometer", "growth")
 MILLION = 1_000_000
-
-Report = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_loop.records.record import Record
@@ -21,8 +20,6 @@ from bender_watch.baseline.learn import Baseline, learn
 from bender_watch.follow.rows import Rows
 from bender_watch.settings import Settings
 from bender_watch.watcher import Watcher
-
-Array = NDArray[np.float64]
 
 BEGINS = ("in motion", "after a pause")
 CHANGES = ("none", "gain 5 %", "one row late")

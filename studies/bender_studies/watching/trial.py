@@ -7,7 +7,6 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bender_loop.records.record import Record
 from bender_plant.model import Model
@@ -17,8 +16,6 @@ from bender_watch.baseline.learn import Baseline
 from bender_watch.follow.rows import Rows
 from bender_watch.settings import Settings
 from bender_watch.watcher import Watcher
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

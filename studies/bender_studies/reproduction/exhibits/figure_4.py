@@ -1,7 +1,6 @@
 """Figure 4: the simulated Bouc-Wen model learned back, and what 2.74e-6 % is."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bender_identify.fitting.resimulation import with_transducer
 from bender_identify.paper.paper_sindy import Unseen, naive_cubic, paper_recipe, plain_sindy_on
@@ -30,8 +29,6 @@ from bender_report.picture_style import COLOURS, INK, MUTED, TUNED, dress, new_f
 from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.printed import BOUC_WEN, SIMULATED_ERROR_PERCENT
 from bender_studies.reproduction.shared_work import SharedWork
-
-Array = NDArray[np.float64]
 
 ROW_S, NOISY_ROW_S, NOISE_PERCENT = 1e-3, 1e-2, 1.0
 PARAMETERS = {"u'": ("α", 1.0), "w |u'|": ("β", -1.0), "|w| u'": ("γ", -1.0)}

@@ -1,8 +1,5 @@
 """Figure 6: the hysteresis loop learned from the recording, and its error on held-out rows."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bender_identify.fitting.resimulation import Bank
 from bender_identify.identification_result import Identification
 from bender_report.page import Picture
@@ -11,8 +8,6 @@ from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.plain_regression import PlainModel, fit_plain_model
 from bender_studies.reproduction.printed import EXPERIMENTAL_ERROR_PERCENT
 from bender_studies.reproduction.shared_work import SharedWork
-
-Array = NDArray[np.float64]
 
 LAST_CYCLES_S = 8.0
 
