@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from bender_loop.records.record import Record
     from bender_plant.model import Model
 
+HELP = "learn a hysteresis model from records"
+EXAMPLE = "bender identify record.csv --out model.toml"
 LEAST_UM_PER_V = 1e-3
 """A nanometre for a volt, as of the stiffest stacks; the fits take ever longer on less."""
 MOST_SUB_STEPS = 7.5e6
