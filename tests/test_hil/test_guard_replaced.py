@@ -147,13 +147,6 @@ def test_a_guard_that_says_more_than_that_it_is_alive_has_ended_the_run(said: li
     assert guard._end == ({"say": "end"} if "end" in said else None)
 
 
-def test_a_guard_that_ends_well_is_believed(scripted: Callable[..., list]):
-    started = scripted([(0.0, READY), (0.0, OFF), (0.0, END)], [])
-    ended = GuardProcess(SETTINGS).wait()
-    assert (ended.status, ended.code, ended.alarm) == (Status.DONE, None, "")
-    assert len(started) == 1
-
-
 def test_the_alarm_comes_when_it_is_due_and_not_before(
     scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
 ):
@@ -168,10 +161,14 @@ def test_the_alarm_comes_when_it_is_due_and_not_before(
     assert ended.status is Status.DONE  # and what it finds out in the end, counts
 
 
-def test_an_output_that_is_off_in_time_raises_none(scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]):
-    scripted([(0.0, READY), (0.1, OFF), *[(0.3, ALIVE)] * 3, (0.0, END)], [])
+def test_a_guard_that_ends_well_is_believed_and_an_output_that_is_off_in_time_raises_no_alarm(
+    scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
+):
+    started = scripted([(0.0, READY), (0.1, OFF), *[(0.3, ALIVE)] * 3, (0.0, END)], [])
     guard = GuardProcess(SETTINGS)
-    assert guard.wait().status is Status.DONE
+    ended = guard.wait()
+    assert (ended.status, ended.code, ended.alarm) == (Status.DONE, None, "")
+    assert len(started) == 1
     assert guard.alarmed_s is None
     assert capfd.readouterr().err == ""
 
@@ -322,9 +319,11 @@ def test_a_journal_that_cannot_be_opened_does_not_keep_the_spare_from_switching_
         assert (folder / "rescue.jsonl").read_text() == "mine"
 
 
-def test_the_guard_is_out_of_reach_of_the_terminal(supply: EmulatedSupply, tmp_path: Path):
+def test_the_guard_is_out_of_reach_of_the_terminal_and_nothing_is_left_of_its_watchman(
+    supply: EmulatedSupply, tmp_path: Path
+):
     guard = GuardProcess(orders(supply.resource, tmp_path))
-    pid = guard.process.pid
+    pid, watchman = guard.process.pid, guard._watchman._process
     assert os.getsid(pid) == os.getpgid(pid) == pid
     for name in ("SIGTSTP", "SIGTTIN", "SIGTTOU"):
         os.kill(pid, getattr(signal, name))
@@ -332,6 +331,7 @@ def test_the_guard_is_out_of_reach_of_the_terminal(supply: EmulatedSupply, tmp_p
     assert not guard.has_tripped()
     guard.stop()
     assert guard.wait().status is Status.DONE
+    assert watchman.poll() == 0
 
 
 @pytest.mark.parametrize("name", few(["SIGQUIT", "SIGHUP", "SIGUSR1"], 1))
@@ -539,14 +539,6 @@ def test_the_watchman_knows_when_an_output_may_be_on():
     known.take("said", {"say": "end", "confirmed": True})
     assert not known.may_be_on
     assert known.identity == ["B&K", "9115", "1", "V1"]
-
-
-def test_nothing_is_left_of_a_watchman_after_a_run(supply: EmulatedSupply, tmp_path: Path):
-    guard = GuardProcess(orders(supply.resource, tmp_path))
-    process = guard._watchman._process
-    guard.stop()
-    assert guard.wait().status is Status.DONE
-    assert process.poll() == 0
 
 
 @pytest.mark.slow
