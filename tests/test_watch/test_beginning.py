@@ -80,6 +80,10 @@ def test_a_level_that_moves_later_is_one(name: str, pause_rows: int, known: dict
     assert 1200 < row < 1260
 
 
+def test_a_level_of_its_own_is_taken_for_the_records_own(known: dict[str, tuple[Record, Baseline]]) -> None:
+    assert alarms(known, "paper", recorded(PAPER, 2, level_um=3.0)) == []
+
+
 def test_a_sensor_that_has_moved_between_records_is_seen_beside_what_a_motion_left(
     known: dict[str, tuple[Record, Baseline]],
 ) -> None:
