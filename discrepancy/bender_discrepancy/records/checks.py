@@ -37,13 +37,13 @@ def read_model(name_or_path: str) -> Model:
         raise InputError(str(error)) from None
 
 
-def read_records(paths: Sequence[Path], columns: str | None = None, units: str | None = None) -> list[Record]:
+def read_records(paths: Sequence[Path]) -> list[Record]:
     """Return the records of one bench.
 
     Raises:
         InputError: a file cannot be read.
     """
-    return [read_record(path, columns, units) for path in paths]
+    return [read_record(path) for path in paths]
 
 
 def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record], settings: Settings) -> None:

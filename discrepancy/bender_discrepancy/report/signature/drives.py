@@ -20,6 +20,7 @@ CAMERA_NOISE_um = 0.06
 VIBROMETER_NOISE_um = 0.02
 CAMERA_Hz = 30.0
 RAMP_PART = 0.6
+SETTLE_s = 2.0
 """Of the time before a sweep: the rest is for settling."""
 
 
@@ -122,22 +123,20 @@ def _sweeps(
     band_Hz: tuple[float, float],
     sweep_s: float,
     rate_Hz: float,
-    noise_um: float = VIBROMETER_NOISE_um,
-    settle_s: float = 2.0,
 ) -> ShownDrive:
     """Sweep sines upwards on an exponential scale about each level, after a ramp to it has settled."""
     low, high = band_Hz
     octaves = np.log(high / low)
-    within_s = _rows(settle_s + sweep_s, rate_Hz)[:-1]
-    t = np.maximum(within_s - settle_s, 0.0)
+    within_s = _rows(SETTLE_s + sweep_s, rate_Hz)[:-1]
+    t = np.maximum(within_s - SETTLE_s, 0.0)
     phase = 2.0 * np.pi * low * sweep_s / octaves * np.expm1(octaves * t / sweep_s)
     swing_V = amplitude_V * np.sin(phase)
-    ramp = np.minimum(within_s / (RAMP_PART * settle_s), 1.0)
+    ramp = np.minimum(within_s / (RAMP_PART * SETTLE_s), 1.0)
     steps_V = np.diff(levels_V, prepend=0.0)
     voltage_V = np.concatenate([v - (1.0 - ramp) * step + swing_V for v, step in zip(levels_V, steps_V, strict=True)])
-    first, size = round(settle_s * rate_Hz), within_s.size
+    first, size = round(SETTLE_s * rate_Hz), within_s.size
     parts = tuple(slice(k * size + first, (k + 1) * size) for k in range(len(levels_V)))
-    return ShownDrive(words, np.arange(voltage_V.size) / rate_Hz, voltage_V, True, noise_um, parts, band_Hz)
+    return ShownDrive(words, np.arange(voltage_V.size) / rate_Hz, voltage_V, True, VIBROMETER_NOISE_um, parts, band_Hz)
 
 
 DRIVES: dict[str, Callable[[], ShownDrive]] = {
