@@ -196,7 +196,7 @@ def newest_run(folder: Path) -> Path | None:
     return plays[-1] if plays else None
 
 
-def decisions(folder: Path, most: int = 8) -> list[str]:
+def decisions(folder: Path) -> list[str]:
     """Return the newest decisions of an investigation, the last one first; none of a plain run."""
     found = Tail(folder / DECISIONS).entries()
-    return [f"{x['kind']}: {x.get('why', '')}" for x in reversed(found[-most:])]
+    return [f"{x['kind']}: {x.get('why', '')}" for x in reversed(found[-8:])]
