@@ -64,7 +64,6 @@ def open_following_models(
     output_name: str | None = None,
     parameters: Mapping[str, float] | None = None,
     quantities: Quantities = USUAL,
-    probe_V: float = 1.0,
 ) -> Iterator[FollowingModels]:
     """Open both models of the FMU at `path`; they are closed when the context ends.
 
@@ -74,7 +73,6 @@ def open_following_models(
         output_name: as in `FmuPlant`.
         parameters: values by FMI name, where they are not the FMU's own.
         quantities: as in `FmuPlant`.
-        probe_V: step by which the dead time of an FMU that declares none is found.
 
     Raises:
         InputError: bad FMU, variable or parameter, or one that cannot save its state.
@@ -100,7 +98,7 @@ def open_following_models(
         inverted = opened(both | left_out) if left_out else predictor
         dead_time_s, lead_s = float(both.get(DELAY, starts.get(DELAY) or 0.0)), 0.0
         if DELAY not in starts:
-            dead_time_s = lead_s = dead_time_of(inverted, probe_V)
+            dead_time_s = lead_s = dead_time_of(inverted, 1.0)
         yield FollowingModels(path, inverted, predictor, dead_time_s, lead_s, left_out, both, quantities)
 
 
@@ -116,8 +114,8 @@ def neutral(starts: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple
     return both, left_out
 
 
-def dead_time_of(plant: FmuPlant, step_V: float, look_s: float = _LOOK_S) -> float:
-    """Return how long a plant at rest takes to answer a step at all, to `look_s`; 0 for one that answers at once.
+def dead_time_of(plant: FmuPlant, step_V: float) -> float:
+    """Return how long a plant at rest takes to answer a step at all; 0 for one that answers at once.
 
     A play or a dead zone is crossed sooner by a larger step, a dead time is not: it is the shortest over steps from
     `step_V` on, each twice as large as the one before, as far as the plant takes them.
@@ -125,7 +123,7 @@ def dead_time_of(plant: FmuPlant, step_V: float, look_s: float = _LOOK_S) -> flo
     shortest_s = math.inf
     for doublings in range(_DOUBLINGS + 1):
         try:
-            shortest_s = min(shortest_s, _answered_after(plant, step_V * 2.0**doublings, look_s))
+            shortest_s = min(shortest_s, _answered_after(plant, step_V * 2.0**doublings, _LOOK_S))
         except RunError:
             if doublings == 0:
                 raise
