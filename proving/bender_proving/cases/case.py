@@ -144,6 +144,6 @@ def identified(case: Case) -> Case:
     return replace(case, id="case-" + hashlib.sha256(content.encode()).hexdigest()[:12])
 
 
-def spoiled(case: Case, outlying: float = OUTLYING, lost: float = LOST) -> Case:
+def spoiled(case: Case) -> Case:
     """The same bench, excitation and noise with outlying and lost frames."""
-    return identified(replace(case, outlying=outlying, lost=lost))
+    return identified(replace(case, outlying=OUTLYING, lost=LOST))

@@ -45,8 +45,6 @@ def make_case(
     seed: int = 0,
     sensor: Sensor | None = None,
     *,
-    outlying: float = 0.0,
-    lost: float = 0.0,
     start: Start = "rest",
     closed_loop: bool = False,
     moved: float = 0.0,
@@ -60,8 +58,6 @@ def make_case(
         effect_ids: ids of CONTRACT.md, for "outside" those of `bender_proving.cases.effects.OUTSIDE`.
         seed: of the excitation, of what is drawn, of the noise.
         sensor: that reads; None for the first one that excites all effects.
-        outlying: share of frames with a misread tip, 0 to 0.2.
-        lost: share of frames without a reading, 0 to 0.2.
         start: of the first record.
         closed_loop: whether a controller plays the first record, before the camera.
         moved: rms that no form of the effect has, over the size of the effect; for the kind "moved".
@@ -86,12 +82,12 @@ def make_case(
     rng = stream(entropy, "draw")
     if kind == "weak":
         weak, hidden = draw_weak(names[0], rng, lambda: excitation_stream(entropy))
-        case = Case("", kind, (hidden,), seed, reader, outlying=outlying, lost=lost, weak=weak, entropy=entropy)
+        case = Case("", kind, (hidden,), seed, reader, weak=weak, entropy=entropy)
         return identified(case)
     clock = rng.choice(["even", "uneven", "runner"], p=[0.5, 0.25, 0.25])
     gain, offset_um = _calibration(kind, names, rng)
     blank = Case(
-        "", kind, (), seed, reader, outlying=outlying, lost=lost, gain=gain, offset_um=offset_um,
+        "", kind, (), seed, reader, gain=gain, offset_um=offset_um,
         uneven=bool(clock == "uneven" and not closed_loop), runner_delay=bool(clock == "runner" and not closed_loop),
         start=start, closed_loop=closed_loop, entropy=entropy,
     )  # fmt: skip

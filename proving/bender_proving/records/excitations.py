@@ -124,11 +124,11 @@ def rich(sensor: Sensor, rng: Generator, duration_s: float | None = None, *, fir
     return even(sensor, padded[:rows])
 
 
-def begun(sensor: Sensor, rng: Generator, start: str, *, first: bool = True) -> Excitation:
+def begun(sensor: Sensor, rng: Generator, start: str) -> Excitation:
     """A rich excitation that begins before the first row ("motion"), or with a step in it from 0 V ("step")."""
     usual_s = CAMERA_S if sensor == "camera" else VIBROMETER_S
     lead_s = _LEAD * usual_s
-    voltage_V = rich(sensor, rng, usual_s + lead_s, first=first).voltage_V
+    voltage_V = rich(sensor, rng, usual_s + lead_s).voltage_V
     lead = round(lead_s * RATE_HZ[sensor])
     if start == "motion":
         return even(sensor, voltage_V, lead)
