@@ -1,6 +1,6 @@
 """Error of the scale that is found from drawn pictures of a stage micrometer."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,9 +39,7 @@ class ScaleErrors:
     distortion_max_percent: float
 
 
-def measure_scale(
-    changes: Mapping[str, float], rulers: int, seed: int, progress: Callable[[], None] | None = None
-) -> ScaleErrors:
+def measure_scale(changes: Mapping[str, float], rulers: int, seed: int) -> ScaleErrors:
     """Calibrate with one picture of each of `rulers` rulers, at any angle and off the middle."""
     errors, claimed, distortions = [], [], []
     for index in range(rulers):
@@ -58,8 +56,6 @@ def measure_scale(
         errors.append(100.0 * (found.um_per_px / settings.um_per_px - 1.0))
         claimed.append(100.0 * found.uncertainty / found.um_per_px)
         distortions.append(100.0 * (found.distortion - settings.distortion))
-        if progress is not None:
-            progress()
     return ScaleErrors(
         float(np.sqrt(np.mean(np.square(errors)))),
         float(np.abs(errors).max()),
