@@ -38,22 +38,21 @@ def siegmund_run_length(reference: float, threshold: float) -> float:
     return (math.exp(b) - b - 1.0) / (2.0 * reference * reference) if b < 700.0 else math.inf
 
 
-def markov_run_length(distribution: Distribution, reference: float, threshold: float, cells: int = CELLS) -> float:
+def markov_run_length(distribution: Distribution, reference: float, threshold: float) -> float:
     """Return the mean run length of a one-sided CUSUM by a Markov chain on cells of its sum.
 
     Args:
         distribution: P(x <= value) of one row, of arrays.
         reference: k.
         threshold: h.
-        cells: between 0 and h.
     """
-    width = 2.0 * threshold / (2.0 * cells - 1.0)
+    width = 2.0 * threshold / (2.0 * CELLS - 1.0)
     # cell 0 holds the sum at 0, cell i the sums around i w
-    step = (np.arange(cells)[None, :] - np.arange(cells)[:, None] + 0.5) * width + reference
+    step = (np.arange(CELLS)[None, :] - np.arange(CELLS)[:, None] + 0.5) * width + reference
     below = distribution(step.astype(np.float64))
     moves = np.concatenate([below[:, :1], np.diff(below, axis=1)], axis=1)
     try:
-        lengths = np.linalg.solve(np.eye(cells) - moves, np.ones(cells))
+        lengths = np.linalg.solve(np.eye(CELLS) - moves, np.ones(CELLS))
     except np.linalg.LinAlgError:
         return math.inf
     return float(lengths[0]) if lengths[0] > 0.0 else math.inf
