@@ -44,11 +44,6 @@ class Fringes:
     smoothing_px: float
     shape: tuple[int, int]
 
-    @property
-    def pitch_px(self) -> float:
-        """Mean distance of the lines."""
-        return 2.0 * math.pi / math.hypot(*self.wave_rad_per_px)
-
 
 def find_fringes(image: NDArray[np.uint8], name: str) -> Fringes:
     """Measure the lines of one picture.

@@ -16,7 +16,7 @@ import tomli_w
 
 from bender_export.build import ensure_plant_fmu
 from bender_loop.control.metrics import step_metrics
-from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.pid import Limits
 from bender_loop.control.references import Profile
 from bender_loop.control.trace import Trace
 from bender_loop.errors import RunError
@@ -25,7 +25,7 @@ from bender_loop.records.record import Array, Record, read_record
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_native.ready import ready_plant_fmu
 from bender_plant.model import load_model
-from bender_tuner.results.gains_file import read_controller, read_gains
+from bender_tuner.results.gains_file import read_controller
 from bender_tuner.task.session import Session, hold_session
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended
@@ -51,14 +51,12 @@ class BenchStory:
         diagnosis: content of `diagnosis.json`.
         session: tuning on the corrected FMU.
         after: the run with those gains.
-        first_gains: those of the run before.
     """
 
     before: Record
     diagnosis: dict[str, Any]
     session: Session
     after: Record
-    first_gains: Gains
 
 
 def write_bench(out: Path) -> Path:
@@ -141,8 +139,7 @@ def on_the_bench(session: Session, out: Path) -> BenchStory:
     diagnosis = diagnose_run(out / BEFORE / "record.csv", out / DIAGNOSIS)
     again = retune(out / DIAGNOSIS / diagnosis["model"], replace(session.settings, monte_carlo=0), out / RETUNED)
     after = run_on_bench(bench, out / RETUNED / "gains.toml", out / AFTER)
-    first_gains, _, _ = read_gains(out / "tune" / "gains.toml")
-    return BenchStory(before, diagnosis, again, after, first_gains)
+    return BenchStory(before, diagnosis, again, after)
 
 
 @dataclass(frozen=True, slots=True)
