@@ -36,7 +36,7 @@ def closed_loop_oracle(gains, period_s, latency, setpoints):
     return scipy.signal.lfilter(num, den, setpoints)
 
 
-@pytest.mark.parametrize("latency", [0, 1, 2, 5])
+@pytest.mark.parametrize("latency", [0, 1, 5])
 @pytest.mark.parametrize("gains", [GAINS, Gains(0.0, 5.0), Gains(1.0, 0.0, 0.05)])
 def test_linear_loop_is_that_of_scipy(lag, gains, latency):
     trace = simulate(lag(), gains, UNLIMITED, RAMP, Sampling(50.0, latency), 3.0)

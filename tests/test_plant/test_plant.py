@@ -86,7 +86,7 @@ def test_beam_model_against_the_modal_step_response() -> None:
 
 
 @pytest.mark.parametrize("name", ["paper", "beam", "bench"])
-@pytest.mark.parametrize("step_s", [0.5, 0.1, 1 / 30, 0.01, 0.001])
+@pytest.mark.parametrize("step_s", [0.5, 1 / 30, 0.001])
 def test_halving_the_step_changes_nothing(name: str, step_s: float) -> None:
     model = load_model(name)
     voltages = excitation("staircase", 12, step_s)
