@@ -5,7 +5,7 @@ they part. Memory is that of the longest stretch that is given at once.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -20,6 +20,9 @@ from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, Plant, effective_settin
 
 SUBSTEPS_PER_ROW = 16
 """That room is made for at first; where a stretch needs more, it is cut once more with room for them."""
+LOOKED_AT_S = 10.0
+"""After which it is looked whether a device that stands has come to rest, and again each time that has doubled."""
+
 
 Key = tuple[Any, ...]
 State = dict[str, Any]
@@ -70,6 +73,33 @@ class _Feed:
 
 
 @dataclass(slots=True)
+class _Node:
+    """A block of the chains, which are a tree: models that begin alike share the blocks up to where they part.
+
+    Attributes:
+        before: place of the node before it; from -1 downwards the feeds, as `~before`.
+        block, parameters: of it.
+        model: the first one that has it.
+        state: that is remembered; None for rest.
+        known: constants and output at rest, where they were computed.
+    """
+
+    before: int
+    block: Block
+    parameters: Any
+    model: Model
+    state: Any = None
+    known: tuple[tuple[Any, ...], float] | None = None
+
+    def through(self, before: Stage) -> Stage:
+        """Take what is known before the block through it."""
+        after, self.state = advance(self.block, self.parameters, self.model, before, self.state, self.known)
+        if self.known is None:
+            self.known = constants_of(self.block, self.parameters, self.model), after.signal.initial
+        return after
+
+
+@dataclass(slots=True)
 class Stream:
     """Models under one command.
 
@@ -87,15 +117,30 @@ class Stream:
     linear: bool = False
     coarser: float = 1.0
     bounds: Bounds = field(init=False)
-    _chains: list[tuple[Key, list[tuple[Block, Any]]]] = field(init=False)
-    _feeds: dict[Key, _Feed] = field(init=False)
-    _states: dict[Key, Any] = field(init=False)
-    _known: dict[Key, tuple[tuple[Any, ...], float]] = field(default_factory=dict[Key, tuple[tuple[Any, ...], float]])
-    _time_s: float | None = field(init=False)
+    _nodes: list[_Node] = field(default_factory=list[_Node], init=False)
+    _feeds: list[_Feed] = field(default_factory=list[_Feed], init=False)
+    _ends: list[int] = field(default_factory=list[int], init=False)
+    _plants: list[Plant] = field(default_factory=list[Plant], init=False)
+    _time_s: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.bounds = _finest([own_bounds(x, self.coarser) for x in self.models])
-        self.begin()
+        places: dict[Key, int] = {}
+        for model in self.models:
+            commands, acting = _split_blocks(model)
+            key: Key = tuple((block.id, parameters) for block, parameters in commands)
+            if key not in places:
+                places[key] = ~len(self._feeds)
+                self._feeds.append(_Feed(commands, np.array([-LONG_AGO_S]), np.zeros(1)))
+            place = places[key]
+            key = (model.beam, key)
+            for block, parameters in acting:
+                key += ((block.id, parameters),)
+                if key not in places:
+                    places[key] = len(self._nodes)
+                    self._nodes.append(_Node(place, block, parameters, model))
+                place = places[key]
+            self._ends.append(place)
 
     def begin(self, time_s: float | None = None, voltage_V: float = 0.0) -> None:
         """Go back to rest under 0 V.
@@ -104,14 +149,32 @@ class Stream:
             time_s: from which `voltage_V` acts before the first row; None for nothing before it.
             voltage_V: that a device in motion has been standing at before the first row.
         """
-        self._chains, self._feeds, self._states, self._time_s = [], {}, {}, None
-        for model in self.models:
-            commands, acting = _split_blocks(model)
-            key: Key = tuple((block.id, parameters) for block, parameters in commands)
-            self._chains.append((key, acting))
-            self._feeds.setdefault(key, _Feed(commands, np.array([-LONG_AGO_S]), np.zeros(1)))
+        self._feeds = [_Feed(x.blocks, np.array([-LONG_AGO_S]), np.zeros(1)) for x in self._feeds]
+        for node in self._nodes:
+            node.state = None
+        self._time_s = None
         if time_s is not None:
             self.advance(np.array([time_s]), np.array([voltage_V]))
+
+    def stand(self, time_s: float, voltage_V: float, until_s: float) -> None:
+        """Go back to rest under 0 V, and stand at a voltage from one time up to the first row at another.
+
+        What no longer moves is not driven: the clock is moved on.
+        """
+        self.begin(time_s, voltage_V)
+        stood_s, states, last_s = LOOKED_AT_S, self._states(), until_s - LOOKED_AT_S
+        while time_s + stood_s < last_s:
+            self.advance(np.array([time_s + stood_s]), np.array([voltage_V]))
+            before, states = states, self._states()
+            if all(np.array_equal(x, y) for x, y in zip(before, states, strict=True)):
+                for feed in self._feeds:
+                    feed.forget_until(time_s + stood_s, last_s, self.linear)
+                self._time_s = last_s
+                return
+            stood_s *= 2.0
+
+    def _states(self) -> list[Array]:
+        return [np.zeros(0) if x.state is None else np.array(x.state, dtype=float) for x in self._nodes]
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None = None) -> Array:
         """Take further rows.
@@ -129,17 +192,18 @@ class Stream:
         """
         readings = np.empty((len(self.models), time_s.size))
         acting_s = time_s if command_time_s is None else command_time_s
-        for feed in self._feeds.values():
+        for feed in self._feeds:
             feed.take(acting_s, voltage_V)
         first = self._time_s is None
         begin_s = float(time_s[0]) if self._time_s is None else self._time_s
         rows_s = time_s if first else np.concatenate([[begin_s], time_s])
         with defer_signals():
             if first:
-                readings[:, 0] = [Plant(x).at_rest(begin_s)[0] for x in self.models]
+                self._plants = self._plants or [Plant(x) for x in self.models]
+                readings[:, 0] = [x.at_rest(begin_s)[0] for x in self._plants]
             if rows_s.size > 1:
                 readings[:, int(first) :] = self._through(rows_s)
-        for feed in self._feeds.values():
+        for feed in self._feeds:
             feed.forget_until(begin_s, float(time_s[-1]), self.linear)
         self._time_s = float(time_s[-1])
         if not np.all(np.isfinite(readings)):
@@ -147,24 +211,12 @@ class Stream:
         return readings
 
     def _through(self, rows_s: Array) -> Array:
-        stages: dict[Key, Stage] = {}
-        readings = np.empty((len(self.models), rows_s.size - 1))
-        for number, (model, (feed, chain)) in enumerate(zip(self.models, self._chains, strict=True)):
-            key: Key = (model.beam, feed)
-            stage = stages.get(key)
-            if stage is None:
-                stage = stages[key] = Stage(self._grid(self._feeds[feed], rows_s))
-            for block, parameters in chain:
-                key += ((block.id, parameters),)
-                known = stages.get(key)
-                if known is None:
-                    known, state = advance(block, parameters, model, stage, self._states.get(key), self._known.get(key))
-                    stages[key], self._states[key] = known, state
-                    if key not in self._known:
-                        self._known[key] = (constants_of(block, parameters, model), known.signal.initial)
-                stage = known
-            readings[number] = stage.signal.at_rows()
-        return readings
+        fed = [Stage(self._grid(x, rows_s)) for x in self._feeds]
+        stages: list[Stage] = []
+        for node in self._nodes:
+            stages.append(node.through(stages[node.before] if node.before >= 0 else fed[~node.before]))
+        ends = (stages[x] if x >= 0 else fed[~x] for x in self._ends)
+        return np.array([x.signal.at_rows() for x in ends])
 
     def _grid(self, feed: _Feed, rows_s: Array) -> Signal:
         bounds, slopes = self.bounds, feed.slopes_V_per_s(self.linear)
@@ -181,8 +233,8 @@ class Stream:
 
     def state(self) -> State:
         """Return all that is remembered, as JSON can hold it."""
-        feeds = [[x.instants_s.tolist(), x.voltage_V.tolist(), x.since_jump_s] for x in self._feeds.values()]
-        states = [None if key not in self._states else list(self._states[key]) for key, _, _ in self._nodes()]
+        feeds = [[x.instants_s.tolist(), x.voltage_V.tolist(), x.since_jump_s] for x in self._feeds]
+        states = [None if x.state is None else list(x.state) for x in self._nodes]
         return {"time_s": self._time_s, "feeds": feeds, "states": states}
 
     def restore(self, state: State) -> None:
@@ -191,31 +243,20 @@ class Stream:
         Raises:
             ValueError: it is of other models.
         """
-        nodes = list(self._nodes())
-        if len(nodes) != len(state["states"]) or len(self._feeds) != len(state["feeds"]):
+        if len(self._nodes) != len(state["states"]) or len(self._feeds) != len(state["feeds"]):
             raise ValueError("found the state of other models")
         self._time_s = state["time_s"]
-        for feed, (instants_s, voltage_V, since_s) in zip(self._feeds.values(), state["feeds"], strict=True):
+        for feed, (instants_s, voltage_V, since_s) in zip(self._feeds, state["feeds"], strict=True):
             feed.instants_s, feed.voltage_V, feed.since_jump_s = np.array(instants_s), np.array(voltage_V), since_s
-        for (key, block, initial), values in zip(nodes, state["states"], strict=True):
-            if values is not None:
-                self._states[key] = (
-                    np.array(values, dtype=float) if block.state_of_any_length else _like(initial, values)
-                )
-
-    def _nodes(self) -> Iterator[tuple[Key, Block, Any]]:
-        """Yield key, block and state at rest of every block, those that models share once."""
-        seen: set[Key] = set()
-        for model, (feed, chain) in zip(self.models, self._chains, strict=True):
-            key: Key = (model.beam, feed)
-            for block, parameters in chain:
-                key += ((block.id, parameters),)
-                if key not in seen:
-                    seen.add(key)
-                    yield key, block, initial_of(block, constants_of(block, parameters, model))
+        for node, values in zip(self._nodes, state["states"], strict=True):
+            node.state = None if values is None else _like(node, values)
 
 
-def _like(initial: Any, values: Sequence[Any]) -> tuple[Any, ...]:
+def _like(node: _Node, values: Sequence[Any]) -> Any:
+    """Return a state of a block as its compiled run takes it, from its numbers."""
+    if node.block.state_of_any_length:
+        return np.array(values, dtype=float)
+    initial = initial_of(node.block, constants_of(node.block, node.parameters, node.model))
     return tuple(type(x)(y) for x, y in zip(initial, values, strict=True))
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
@@ -58,6 +58,11 @@ class Trend:
     leaves_in_s: float | None = None
     leaves_low_s: float | None = None
     leaves_high_s: float | None = None
+
+    def to_event(self) -> dict[str, Any]:
+        """Return what stands in the line of events."""
+        numbers = {x: getattr(self, x) for x in self.__dataclass_fields__ if x != "name"}
+        return {"event": "trend", "of": self.name, **numbers}
 
 
 @dataclass(slots=True)
@@ -115,17 +120,14 @@ class Trends:
 
     def estimates(self) -> tuple[Array, Array, Array, NDArray[np.int64]]:
         """Return times (n,), amplitudes (n, 2) of level and gain, their deviations, and parts between breaks (n,)."""
-        times, values, errors, parts = [], [], [], []
-        for (rows, time, a, b, c, d, e), part, broken in zip(self.sums, *self._parts(), strict=True):
-            determinant = a * c - b * b
-            if broken or determinant <= 1e-9 * max(a * c, 1e-300):
-                continue
-            parts.append(part)
-            times.append(time / rows)
-            values.append(((c * d - b * e) / determinant, (a * e - b * d) / determinant))
-            errors.append((math.sqrt(c / determinant), math.sqrt(a / determinant)))
-        every = np.unique(np.array(parts, dtype=np.int64), return_inverse=True)[1]
-        return np.array(times), np.array(values).reshape(-1, 2), np.array(errors).reshape(-1, 2), every
+        rows, time, a, b, c, d, e = self.sums.T
+        part, broken = self._parts()
+        determinant = a * c - b * b
+        kept = ~broken & (determinant > 1e-9 * np.maximum(a * c, 1e-300))
+        rows, time, a, b, c, d, e, determinant = (x[kept] for x in (rows, time, a, b, c, d, e, determinant))
+        values = np.column_stack([c * d - b * e, a * e - b * d]) / determinant[:, None]
+        errors = np.sqrt(np.column_stack([c, a]) / determinant[:, None])
+        return time / rows, values, errors, np.unique(part[kept], return_inverse=True)[1]
 
     def trends(
         self, tolerance: float, stroke_um: float, significance: float = SIGNIFICANT, names: Sequence[str] = OF
@@ -172,7 +174,7 @@ def _trend(
     now, slope = line[-2:]
     scatter = float(np.sum(((values - columns @ line) / errors) ** 2)) / free
     std = math.sqrt(max(1.0, scatter) * covariance[-1, -1])
-    if abs(slope) <= float(student.ppf(0.5 + 0.5 * significance, free)) * std:
+    if abs(slope) <= float(stdtrit(free, 0.5 + 0.5 * significance)) * std:
         return Trend(name, float(now), float(slope / span), std / span, False)
     # of small matrices: threads that wait for a core take many times as long as the work
     with threadpool_limits(limits=1):
@@ -180,7 +182,7 @@ def _trend(
     weights = np.exp(np.array([y.log_likelihood for y in forecasts]) - max(y.log_likelihood for y in forecasts))
     weights /= weights.sum()
     side = math.copysign(1.0, slope)
-    beyond = [student.cdf((side * y.mean - limit) / y.std, free) for y in forecasts]
+    beyond = [stdtr(free, (side * y.mean - limit) / y.std) for y in forecasts]
     probability = np.asarray(weights @ np.array(beyond))
     low, likely, high = (_first_beyond(probability, part, span) for part in (0.025, 0.5, 0.975))
     level = float(weights @ np.array([y.mean[0] for y in forecasts]))

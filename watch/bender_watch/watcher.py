@@ -17,19 +17,20 @@ from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+from bender_watch.alarm.evidence import Evidence
 from bender_watch.alarm.explain import Explanation, Loop, explain, first_rows, not_diagnosed, record_since
 from bender_watch.alarm.history import KEPT, History
-from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
-from bender_watch.alarm.still import ADVICE, NO_READING, is_still, moves, repeats_of, silent_after
-from bender_watch.alarm.suspects import compared
+from bender_watch.alarm.onset import wide_clip
+from bender_watch.alarm.still import ADVICE, NO_READING, repeats_of, silent_after
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
-from bender_watch.baseline.drift import FOLLOWED, SLOPES
+from bender_watch.baseline.drift import FOLLOWED
 from bender_watch.baseline.expectation import OfModel
-from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
+from bender_watch.baseline.learn import Baseline, learn, settling_rows
+from bender_watch.baseline.place import moved_before, reads_rest
 from bender_watch.follow.rows import Rows
 from bender_watch.held import Block, Pending
 from bender_watch.lane import Lane
-from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance, Judged
+from bender_watch.sequential.detector import CLIP, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance, Judged
 from bender_watch.settings import Settings
 from bender_watch.trend import OF, SIGNIFICANT, Trend, Trends
 
@@ -37,27 +38,21 @@ Array = NDArray[np.float64]
 Event = dict[str, Any]
 Tell = Callable[[str], None]
 
-AT_ONCE = 1024
+AT_ONCE = 4096
 """Rows that the model is driven with at once, at most: what it computes of them stays in the cache of a core."""
 STRETCH = 1024
 """Rows that are judged at once, at most; explanations and trends come at multiples of it."""
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
-SUSPECTED = 3
 INSIDE_AGAIN = 64
 """Rows inside the training range after which an excursion is over, twice as many for each further one: every crest of a
 sine is no news, however slow it is."""
 MOST_WAITED = 4
 """Times the rows that an explanation waits for: it does where they were too few to explain anything."""
-ALARMS_OF_VARIANCE = ("louder", "quieter")
-NEARER, FAR = 0.5, 6.0
-"""By how much the first reading is nearer to rest than to the first command, and how far from that in noise."""
 FEWEST_TO_LEARN = 256
 """Judged rows since a change from which it is learned what is normal now."""
 ANY_LEVEL = 1e6
 """Deviations of the noise by which the level of a record that began in motion may lie anywhere."""
-LEFT_BY_A_PAST = 0.3
-"""Part of a first reading beyond rest that what came before must be able to add, to be why."""
 UNKNOWNS = 1 + COUNT
 """Columns that are not known of a record: its level, and what came before it."""
 OPENED_AT = np.cumsum([1, 1, 1, 1, UNKNOWNS, FOLLOWED]).tolist()
@@ -134,10 +129,11 @@ class Watcher:
         time_s, voltage_V = float(first.time_s[0]), float(first.voltage_V[0])
         # a clock that was set back goes on where it was
         self._behind_s += max(self._last[0] - time_s, 0.0) if self._last else 0.0
-        rest = starts_at_rest(first.voltage_V[:2]) or self._reads_rest(first.part(slice(0, 1)))
-        stood = rest and not self._moved_before(first.part(slice(0, 1)))
-        for begun in (self.baseline.expectation, self.baseline.beginning):
-            begun.begin(time_s, voltage_V, rest=rest)
+        one = first.part(slice(0, 1))
+        rest = starts_at_rest(first.voltage_V[:2]) or reads_rest(self.baseline, one)
+        self.baseline.beginning.begin(time_s, voltage_V, rest=rest)
+        stood = rest and not moved_before(self.baseline, one, lambda x: self._drift_um(x, self._steps(one.time_s)))
+        self.baseline.expectation.begin(time_s, voltage_V, rest=rest)
         settling = settling_rows(stood, self.baseline.rows)
         self._last, self._opening = None, np.zeros((0, OPENED))
         # nobody looks at the past of an FMU: its course is over before its level is looked at
@@ -146,7 +142,7 @@ class Watcher:
         self.detector.reset()
         self._deviations = np.append(0.0 if rest else ANY_LEVEL * self.baseline.noise_um, np.full(COUNT, AMPLITUDE))
         unknown = np.diag(self._deviations**2) if stood else np.zeros((UNKNOWNS, UNKNOWNS))
-        self._take_known(np.zeros(UNKNOWNS), unknown, *self._drift)
+        self._take_known(np.zeros(UNKNOWNS), unknown, *self.detector.drift)
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
 
     def _take_known(self, amplitudes: Array, covariance: Array, drift: Array, of_drift: Array) -> None:
@@ -154,44 +150,14 @@ class Watcher:
         every = np.array(block_diag(covariance, of_drift), dtype=np.float64)
         self.detector.take_known(np.append(amplitudes, drift), every)
 
-    @property
-    def _drift(self) -> tuple[Array, Array]:
-        """What is known of the drift: where level and gain are, their slopes, and the covariance of all."""
-        return self.detector.amplitudes[-FOLLOWED:].copy(), self.detector.covariance[-FOLLOWED:, -FOLLOWED:].copy()
-
     def _steps(self, time_s: Array) -> Array:
         """Return the time before each row (n,) in lengths of the drift; that of a pause counts."""
         clock_s = time_s + self._behind_s
         return self.baseline.drift.steps(clock_s, float(clock_s[0]) if self._clock_s is None else self._clock_s)
 
-    def _drift_um(self, columns: Array, ahead: Array) -> Array:
+    def _drift_um(self, expected: Array, ahead: Array) -> Array:
         """Return what the drift adds to readings (n,), so many of its lengths from now."""
-        at, slopes = np.split(self._drift[0], 2)
-        return np.sum(columns[:, :SLOPES] * (at + ahead[:, None] * slopes), axis=1)
-
-    def _moved_before(self, first: Rows) -> bool:
-        """Return whether a record that begins at 0 V reads what only a motion shortly before it can have left."""
-        base = self.baseline
-        for begun in (base.expectation, base.beginning):
-            begun.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=True)
-        expected, _ = base.expectation.advance(first.time_s, first.voltage_V, first.command_time_s)
-        left = float(np.max(np.abs(base.beginning.advance(first.time_s, first.voltage_V, first.command_time_s))))
-        drift_um = self._drift_um(base.drift.columns_um(expected), self._steps(first.time_s))
-        off = abs(float((base.residual_um(first.displacement_um, expected) - drift_um)[0]))
-        noticed = FAR * base.noise_um
-        return left > noticed if np.isnan(off) else off > noticed and left > LEFT_BY_A_PAST * off
-
-    def _reads_rest(self, first: Rows) -> bool:
-        """Return whether the first reading is that of a device at rest, whose first command acts behind it."""
-        if not acts_late(first.time_s, first.command_time_s):
-            return False
-        errors = []
-        for rest in (True, False):
-            self.baseline.expectation.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=rest)
-            expected, _ = self.baseline.expectation.advance(first.time_s, first.voltage_V, first.command_time_s)
-            errors.append(abs(float(self.baseline.residual_um(first.displacement_um, expected)[0])))
-        at_rest, stood = errors
-        return at_rest < NEARER * stood and stood > FAR * self.baseline.noise_um
+        return self.detector.drift_um(self.baseline.drift.columns_um(expected), ahead)
 
     def take(self, rows: Rows) -> Iterator[Event]:
         """Take rows of a record that was begun; yield what there is to say.
@@ -207,11 +173,11 @@ class Watcher:
         """Explain an alarm that still waits, and say what the trends are."""
         while self._pending is not None and not self._pending.stands:
             yield from self._explained(is_end=True)
-        yield from (_trend_event(x) for x in self.trend())
+        yield from (x.to_event() for x in self.trend())
 
     def trend(self) -> list[Trend]:
         """Return the trends of gain and offset so far, relative to the first baseline."""
-        return self.trends.trends(self.settings.tolerance, self._stroke_um, names=self._steady)
+        return self.trends.trends(self.settings.tolerance, self.baseline.stroke_um, names=self._steady)
 
     @property
     def _steady(self) -> list[str]:
@@ -219,8 +185,9 @@ class Watcher:
         return [x for x, test in zip(OF, ("gain_error", "offset"), strict=True) if test not in self._raised]
 
     @property
-    def _stroke_um(self) -> float:
-        return self.baseline.range.high_um - self.baseline.range.low_um
+    def _evidence(self) -> Evidence:
+        """What the last rows say of a change."""
+        return Evidence(self.history, self.baseline, self._repeats)
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return all that is remembered: what JSON can hold, and arrays by name."""
@@ -347,7 +314,7 @@ class Watcher:
         if self._pending is not None and self._pending.stands:
             yield from self._moves_again(self._pending)
         elif self._pending is not None and (
-            self.rows - self._pending.first_row >= self._pending.rows or self._stands(self._pending.first_row)
+            self.rows - self._pending.first_row >= self._pending.rows or self._evidence.stands(self._pending.first_row)
         ):
             yield from self._explained()
         yield from self._trends()
@@ -407,24 +374,19 @@ class Watcher:
         residual, spread = residual[:, 0], spread[:, 0] * np.hypot(1.0, doubt[:, 0])
         passed = np.cumsum(steps)
         usable = np.isfinite(residual)
-        every = np.column_stack([residual - self._drift_um(drift, passed - passed[-1]), columns])
+        every = np.column_stack([residual - self.detector.drift_um(drift, passed - passed[-1]), columns])
         white = whitened_rows(self.baseline.noise, every, usable, spread, np.flatnonzero(gaps[:, 0]).tolist())[usable]
-        self._take_known(*fitted(white[:, 0], white[:, 1:], self._deviations), *self._drift)
+        self._take_known(*fitted(white[:, 0], white[:, 1:], self._deviations), *self.detector.drift)
         self.detector.reset()
         self._opening = self._opening[:0]
 
-    def _looked_back(self, rows: int) -> tuple[NDArray[np.int64], Array, Array]:
-        """Return places in the history, innovations and whitened signatures of the last rows that were judged."""
-        places = np.flatnonzero(self.history.column("judged") > 0.0)
-        places = places[np.isfinite(self.history.column("innovation")[places])][-rows:]
-        return places, self.history.column("innovation")[places], self.history.whitened()[places]
-
     def _alarm(self, found: Exceedance) -> Event:
         self.alarms += 1
-        places, e, z = self._looked_back(BACK * found.rows + 64)
-        onset, suspects = self._onset(found.test, e, z)
-        first = places[onset.place]
+        evidence = self._evidence
+        seen = evidence.looked_back(BACK * found.rows + 64)
+        onset, suspects = evidence.onset(found.test, seen)
         rows, times = self.history.column("row"), self.history.column("time_s")
+        first_row = int(rows[seen.places[onset.place]])
         event = {
             "event": "alarm",
             "number": self.alarms,
@@ -433,13 +395,13 @@ class Watcher:
             "test": found.test,
             "statistic": found.statistic,
             "threshold": found.threshold,
-            "since": self._since(places, onset),
+            "since": evidence.since(seen.places, onset),
             "suspects": suspects,
-            "size": self._size("" if suspects else found.test, onset),
+            "size": evidence.size("" if suspects else found.test, onset),
         }
-        if self._stands(int(rows[first])):
+        if evidence.stands(first_row):
             event |= {"suspects": [], "advice": [ADVICE]}
-        self._pending = Pending(event, found, int(rows[first]), self.settings.explain_rows)
+        self._pending = Pending(event, found, first_row, self.settings.explain_rows)
         return event
 
     def _silence(self) -> Event:
@@ -462,72 +424,14 @@ class Watcher:
             "advice": [NO_READING],
         }
 
-    def _since_row(self, row: int) -> tuple[Array, Array]:
-        """Return readings and what is expected of them, in um, from a row on."""
-        since = self.history.column("row") >= row
-        return self.history.column("displacement_um")[since], self.history.column("expected_um")[since]
-
-    def _stands(self, row: int) -> bool:
-        """Return whether the reading has not moved since a row, while the device should."""
-        return is_still(*self._since_row(row), self.baseline.noise_um, self._stroke_um, self._repeats)
-
     def _moves_again(self, waiting: Pending) -> Iterator[Event]:
         """Go on as before an alarm of a reading that stood, where it moves again."""
-        if not moves(
-            *self._since_row(max(waiting.first_row, self.rows - STRETCH + 1)), self.baseline.noise_um, self._stroke_um
-        ):
+        if not self._evidence.moves(max(waiting.first_row, self.rows - STRETCH + 1)):
             return
         self._pending = None
         self.detector.reset()
         self.detector.forget()
         yield {"event": "moves_again", "row": self.rows, "time_s": float(self.history.column("time_s")[-1])}
-
-    def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
-        """Return when the change began along what shows it best, and the effects that it suspects.
-
-        The test that found it does not say what it is: a loop that grows is louder first.
-        """
-        names = self.baseline.tests.names
-        own = [onset_of(e, z[:, j], clip) for j in range(len(names) - len(COLOURS))]
-        likelihood, own = compared(e, z[:, : len(own)], own, self.baseline.grows_only)
-        best = int(np.argmax(likelihood))
-        if test in ALARMS_OF_VARIANCE:
-            other = onset_of_variance(e, test == "louder")
-        else:
-            other = onset_of(e, z[:, names.index(test)]) if test in COLOURS else None
-        if other is not None and other.log_likelihood > likelihood[best]:
-            return other, []
-        weights = np.exp(likelihood - likelihood[best])
-        weights /= weights.sum()
-        order = np.argsort(-weights)[:SUSPECTED]
-        suspects = [
-            {"effects": list(self.baseline.effects[names[j]]), "weight": float(weights[j])}
-            for j in order.tolist()
-            if weights[j] > 1e-3
-        ]
-        return own[best], suspects
-
-    def _since(self, places: NDArray[np.int64], onset: Onset) -> Event:
-        rows, times = self.history.column("row"), self.history.column("time_s")
-        at = {"": onset.place, "_low": onset.low, "_high": onset.high}
-        return {f"row{name}": int(rows[places[x]]) for name, x in at.items()} | {
-            f"time{name}_s": float(times[places[x]]) for name, x in at.items()
-        }
-
-    def _size(self, test: str, onset: Onset) -> Event:
-        """Return how large a change is: rms of what it adds while moving as in training; of a variance, its ratio.
-
-        Args:
-            test: whose change it is; "" for one along a signature.
-            onset: of it.
-        """
-        growth = {"grows": onset.grows, "shape": "ramp" if onset.ramp else "step"}
-        if test in ALARMS_OF_VARIANCE:
-            return {"noise_ratio": float(np.sqrt(max(1.0 + onset.amplitude, 0.0))), "std": onset.std} | growth
-        if test in COLOURS:
-            return {"correlation": onset.amplitude, "std": onset.std} | growth
-        noise_um = self.baseline.noise_um
-        return {"rms_um": abs(onset.amplitude) * noise_um, "std_um": onset.std * noise_um} | growth
 
     def _explained(self, *, is_end: bool = False) -> Iterator[Event]:
         """Diagnose the rows since the change, say what it was, and take what they are like for normal.
@@ -536,12 +440,12 @@ class Watcher:
         """
         assert self._pending is not None
         waiting, self._pending = self._pending, None
-        places, e, z = self._looked_back(len(self.history))
-        rows = self.history.column("row")
-        since = rows[places] >= waiting.first_row - BACK * waiting.exceedance.rows - 64
-        places, e, z = places[since], e[since], z[since]
-        clip = wide_clip(e[rows[places] >= waiting.first_row])
-        onset, suspects = self._onset(waiting.exceedance.test, e, z, clip)
+        evidence, rows = self._evidence, self.history.column("row")
+        seen = evidence.looked_back(len(self.history))
+        seen = seen.where(rows[seen.places] >= waiting.first_row - BACK * waiting.exceedance.rows - 64)
+        places = seen.places
+        clip = wide_clip(seen.innovations[rows[places] >= waiting.first_row])
+        onset, suspects = evidence.onset(waiting.exceedance.test, seen, clip)
         first = int(places[onset.place])
         since_change = int(np.sum((rows[places] >= rows[first]) & (rows[places] <= waiting.event["row"])))
         is_last = is_end or 2 * waiting.rows > KEPT
@@ -553,11 +457,11 @@ class Watcher:
             "alarm": waiting.event["number"],
             "row": int(rows[-1]),
             "time_s": float(self.history.column("time_s")[-1]),
-            "since": self._since(places, onset),
+            "since": evidence.since(places, onset),
             "suspects": suspects,
-            "size": self._size("" if suspects else waiting.exceedance.test, onset),
+            "size": evidence.size("" if suspects else waiting.exceedance.test, onset),
         }
-        if self._stands(int(rows[first])):
+        if evidence.stands(int(rows[first])):
             found = not_diagnosed(ADVICE, (ADVICE,), len(self.history) - first)
             self.explanations.append(found)
             self._pending = replace(waiting, stands=True)
@@ -632,21 +536,7 @@ class Watcher:
             return
         # they are looked at again and again: of all looks together, no more are wrong than of the tests
         wrong = min(0.5 * STRETCH / self.settings.rows_between_false_alarms, 1.0 - SIGNIFICANT)
-        for found in self.trends.trends(self.settings.tolerance, self._stroke_um, 1.0 - wrong, untold):
+        for found in self.trends.trends(self.settings.tolerance, self.baseline.stroke_um, 1.0 - wrong, untold):
             if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
-                yield _trend_event(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
-
-
-def _trend_event(found: Trend) -> Event:
-    return {
-        "event": "trend",
-        "of": found.name,
-        "now": found.now,
-        "per_s": found.per_s,
-        "per_s_std": found.per_s_std,
-        "significant": found.significant,
-        "leaves_in_s": found.leaves_in_s,
-        "leaves_low_s": found.leaves_low_s,
-        "leaves_high_s": found.leaves_high_s,
-    }
+                yield found.to_event() | {"row": self.rows, "time_s": self._last[0] if self._last else None}

@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `evidence` | what the last rows say of a change |
 | `explain` | the diagnosis of the rows since a change, the old model as its base |
 | `history` | the last rows, as many as are kept |
 | `loop_effect` | what a change does to the loop of the present gains |

@@ -8,5 +8,6 @@
 | `expectation` | expected readings and signatures, row by row: of a model, of an FMU |
 | `learn` | from a model and its training record to a baseline |
 | `noise` | the noise of a residual, whitened: predictors of every order |
+| `place` | where a device was before the first row |
 | `signatures` | which signatures are told apart on a training record |
 """

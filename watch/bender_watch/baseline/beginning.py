@@ -75,31 +75,40 @@ class Beginning:
     range_V: tuple[float, float]
     least_um: float
     interval_s: float
+    _made: list[Stream] = field(init=False)
     _streams: list[Stream] = field(default_factory=list[Stream], init=False)
     _quiet: int = field(default=0, init=False)
 
+    def __post_init__(self) -> None:
+        count = 0 if self.model is None else COUNT + 1
+        self._made = [Stream((self.model,), self.linear, COARSER) for _ in range(count) if self.model is not None]
+
     def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
         """Begin a record."""
-        self._streams, self._quiet = self._made(), 0
+        self._streams, self._quiet = self._made, 0
         if not self._streams:
             return
         low, high = self.range_V
         far, near = (high, low) if voltage_V - low < high - voltage_V else (low, high)
         own, *others = self._streams
-        if not rest:
-            own.begin(time_s - rest_before_s(own), voltage_V)
+        if rest:
+            own.begin()
+        else:
+            own.stand(time_s - rest_before_s(own), voltage_V, time_s)
         for stream, (parts, before) in zip(others, PASTS, strict=True):
             ends = [voltage_V + abs(x) * ((far if x > 0.0 else near) - voltage_V) for x in parts]
             begin_s = time_s - (before + len(ends) - 1) * self.interval_s
-            stream.begin(begin_s - rest_before_s(own), ends[0])
+            stream.stand(begin_s - rest_before_s(own), ends[0], begin_s)
             known = [*ends[1:], voltage_V] if before else ends[1:]
             if known:
                 stream.advance(begin_s + self.interval_s * np.arange(len(known), dtype=np.float64), np.array(known))
 
-    def _made(self) -> list[Stream]:
-        if self.model is None:
-            return []
-        return [Stream((self.model,), self.linear, COARSER) for _ in range(COUNT + 1)]
+    def first_um(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
+        """Return what each past adds to the first row (1, `COUNT`), which has yet to be taken."""
+        known = self.state()
+        added = self.advance(time_s, voltage_V, command_time_s)
+        self.restore(known)
+        return added
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
         """Return what each past adds to the readings (n, `COUNT`) in um, 0 from where all have faded."""
@@ -131,7 +140,7 @@ class Beginning:
     def restore(self, state: Any) -> None:
         """Go on from a state."""
         self._quiet, own = state
-        self._streams = self._made() if own else []
+        self._streams = self._made if own else []
         for stream, known in zip(self._streams, own, strict=True):
             stream.restore(known)
 

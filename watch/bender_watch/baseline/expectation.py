@@ -89,7 +89,7 @@ class OfModel:
             if rest:
                 stream.begin()
             else:
-                stream.begin(time_s - rest_before_s(stream), voltage_V)
+                stream.stand(time_s - rest_before_s(stream), voltage_V, time_s)
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
         """Return the expected readings (n,) and what each variant reads beyond the model (n, j)."""

@@ -144,6 +144,11 @@ class Baseline:
         """Deviation of the noise."""
         return float(self.noise.spreads_um[0])
 
+    @property
+    def stroke_um(self) -> float:
+        """Peak to peak of the expected readings of the training record."""
+        return self.range.high_um - self.range.low_um
+
     def signatures_um(self, expected_um: Array, raw: Array) -> Array:
         """Return the signatures (n, j) of unit size: level, gain, and those of the effects."""
         return np.column_stack([np.ones(expected_um.size), expected_um, raw]) * self.scales

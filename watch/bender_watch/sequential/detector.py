@@ -213,6 +213,22 @@ class Detector:
         """How well it is known (unknowns, unknowns)."""
         return self._arrays["covariance"]
 
+    @property
+    def drift(self) -> tuple[Array, Array]:
+        """What is known of the drift: its positions, their slopes behind them, and the covariance of all."""
+        followed = slice(self.unknowns - self.followed, None)
+        return self.amplitudes[followed].copy(), self.covariance[followed, followed].copy()
+
+    def drift_um(self, columns: Array, ahead: Array) -> Array:
+        """Return what the drift adds to readings (n,), so many of its lengths from now.
+
+        Args:
+            columns: (n, followed) what an amplitude of 1 of each position, and of each slope, adds.
+            ahead: (n,) lengths.
+        """
+        at, slopes = np.split(self.drift[0], 2)
+        return np.sum(columns[:, : at.size] * (at + ahead[:, None] * slopes), axis=1)
+
     def take_known(self, amplitudes: Array, covariance: Array) -> None:
         """Begin with what is known of the columns; what was read before foretells nothing."""
         self._arrays["amplitudes"][:], self._arrays["covariance"][:] = amplitudes, covariance
