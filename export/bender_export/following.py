@@ -143,6 +143,8 @@ def following_settings(tuned: Tuned, model: Model, host: Host) -> dict[str, Any]
         *astuple(tuned.gains),
         *astuple(tuned.limits),
         *(0.0 if bound == float("inf") else bound for bound in bounds),
+        followed.withheld_share,
+        followed.withheld_s,
         float(followed.horizon_ticks),
         followed.tolerance_um,
         tuned.period_s,

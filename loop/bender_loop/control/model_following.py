@@ -16,7 +16,10 @@ are those of the PID block around the plant, whatever the model says (M. Morari 
 Inside a play, or wherever else the model does not feel a change of the command, the block's integral moves on without
 an answer. What the model does not feel of it changes what the device remembers and corrects nothing, so it goes from
 the integral to the feedforward: the models then stand where the device stands when the reference moves again. The sum,
-which is the command, is the same.
+which is the command, is the same. What creeps in front of a play carries the model away from the edge to which it was
+led, or back to it, and takes with it what the block has corrected; the reading shows nothing of that until it is too
+late. So while the reference rests the feedforward keeps its distance from that edge: none at first, then what the block
+has moved it by.
 
 Voltage and slew limits are shared: the feedforward takes what it needs, the PID block gets the remainder, and its
 anti-windup works against that remainder.
@@ -36,7 +39,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from bender_loop.control import pid
-from bender_loop.control.inverse import Inverted, invert, limit_overdrive, response
+from bender_loop.control.inverse import MOST_TRIALS, Inverted, invert, limit_overdrive, response
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.plant import SavablePlant, restart
 from bender_loop.control.shaper import Shaped, Shaper, shape
@@ -45,6 +48,10 @@ LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
 _UNFELT = 1e-3
 """A change of the command to which the model answers by less than this part of its last slope is not felt."""
+_FELT = 0.9
+"""Of that slope: a change that is felt by so much is felt from the first volt on."""
+_HALVINGS = 8
+"""So often an interval is halved in which a model begins to feel a command."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +119,8 @@ class Memory(NamedTuple):
         block: of the PID block.
         command_V: in force.
         begun: a command is in force.
+        way: in which the inverted model moved last, up or down; 0 before.
+        aside_V: of the feedforward from the command at which the model would go on that way.
     """
 
     ahead: object
@@ -124,6 +133,8 @@ class Memory(NamedTuple):
     block: PidState
     command_V: float
     begun: bool = False
+    way: float = 0.0
+    aside_V: float = 0.0
 
 
 def rest(follower: ModelFollower) -> Memory:
@@ -186,6 +197,14 @@ def step(
             follower.slew_V_per_s * follower.period_s,
             follower.tolerance_um,
         )
+    # a command that misses its target is what it is for other reasons, and is thought of anew at the next sample
+    met = abs(found.reading_um - target_um) <= follower.tolerance_um
+    missing_um = target_um - _reading(follower, begin)
+    way, aside_V = memory.way, memory.aside_V
+    if not met or abs(missing_um) > follower.tolerance_um:
+        way, aside_V = math.copysign(1.0, missing_um), 0.0
+    elif way != 0.0 and (aside_V != 0.0 or found.voltage_V == memory.feedforward_V):
+        found, aside_V = _kept_aside(follower, begin, found, within, way, aside_V)
     bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
     block, correction_V = memory.block, memory.command_V - memory.feedforward_V
     if measurement_um is not None:
@@ -193,12 +212,12 @@ def step(
     else:
         correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
     command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
-    # a command that misses its target is what it is for other reasons, and is thought of anew at the next sample
-    met = abs(found.reading_um - target_um) <= follower.tolerance_um
     unfelt_V = _unfelt(follower, begin, found, block.integral_V - memory.block.integral_V) if met else 0.0
     block = PidState(block.integral_V - unfelt_V, block.derivative_V, block.previous_um)
+    aside_V = way * min(way * (aside_V + unfelt_V), 0.0)
     voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V
-    return Memory(ahead, behind, frames, shaped, *voltages_V, found.slope_um_per_V, block, command_V, begun=True)
+    slope = found.slope_um_per_V
+    return Memory(ahead, behind, frames, shaped, *voltages_V, slope, block, command_V, True, way, aside_V)
 
 
 def _at_the_sample(
@@ -221,13 +240,79 @@ def _at_the_command(follower: ModelFollower, ahead: object, present_V: float) ->
 
 
 def _unfelt(follower: ModelFollower, begin: object, found: Inverted, change_V: float) -> float:
-    """The change of the block's integral where the inverted model does not feel it, else 0."""
+    """The part of a change of the command that the inverted model does not feel.
+
+    From the middle of a play a change is lost up to the edge and felt beyond it. Taken as felt from the first volt on,
+    changes that alternate in their sign, as noise makes them, would carry the model away from the edge on which the
+    device stands: those towards the middle are unfelt and move it, those back would not.
+    """
+    limits = follower.limits
+    change_V = min(max(change_V, limits.lower_V - found.voltage_V), limits.upper_V - found.voltage_V)
     expected_um = abs(found.slope_um_per_V * change_V)
-    changed_V = found.voltage_V + change_V
-    if expected_um == 0.0 or not follower.limits.lower_V <= changed_V <= follower.limits.upper_V:
+    if expected_um == 0.0:
         return 0.0
-    reading_um = response(follower.inverted, begin, changed_V, _horizon(follower))
-    return change_V if abs(reading_um - found.reading_um) <= _UNFELT * expected_um else 0.0
+    horizon = _horizon(follower)
+    felt_um = abs(response(follower.inverted, begin, found.voltage_V + change_V, horizon) - found.reading_um)
+    if felt_um <= _UNFELT * expected_um:
+        return change_V
+    if felt_um >= _FELT * expected_um:
+        return 0.0
+    lost, felt = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (lost + felt)
+        reading_um = response(follower.inverted, begin, found.voltage_V + middle * change_V, horizon)
+        if abs(reading_um - found.reading_um) <= _UNFELT * expected_um:
+            lost = middle
+        else:
+            felt = middle
+    return lost * change_V
+
+
+def _kept_aside(
+    follower: ModelFollower, begin: object, found: Inverted, within_V: tuple[float, float], way: float, aside_V: float
+) -> tuple[Inverted, float]:
+    """The command so far aside of the one at which the inverted model would go on its way, and how far it is.
+
+    Where a model has no such play the command is as it was found.
+    """
+    slope, tolerance_um = found.slope_um_per_V, follower.tolerance_um
+    if slope <= 0.0:
+        return found, 0.0
+    edge_V = _edge(follower, begin, found, way, found.voltage_V - aside_V)
+    if abs(edge_V) == math.inf or (aside_V == 0.0 and abs(edge_V - found.voltage_V) * slope <= tolerance_um):
+        return found, 0.0
+    at = Inverted(edge_V, found.reading_um, slope)
+    aside_V = _unfelt(follower, begin, at, aside_V)
+    return Inverted(min(max(edge_V + aside_V, within_V[0]), within_V[1]), found.reading_um, slope), aside_V
+
+
+def _edge(follower: ModelFollower, begin: object, found: Inverted, way: float, guess_V: float) -> float:
+    """The last command before the inverted model goes on its way, found from a guess; inf where it does not."""
+    slope, tolerance_um = found.slope_um_per_V, follower.tolerance_um
+    last = max(way * follower.limits.lower_V, way * follower.limits.upper_V)
+    stride = 2.0 * tolerance_um / slope
+    low, high, at, edge = -math.inf, math.inf, way * guess_V + stride, math.inf
+    for _ in range(MOST_TRIALS):
+        at = min(at, last)
+        moved_um = way * (response(follower.inverted, begin, way * at, _horizon(follower)) - found.reading_um)
+        if tolerance_um <= moved_um <= 3.0 * tolerance_um:
+            edge = at - moved_um / slope
+            break
+        if moved_um < tolerance_um and at == last:
+            break
+        low = max(low, at) if moved_um < tolerance_um else low
+        high = at if moved_um > tolerance_um else high
+        # out, twice as far each time; back by the slope, which is known beyond the edge and nothing on this side of it
+        stride = 2.0 * stride
+        middle = 0.5 * (low + high)
+        back = at - (moved_um - 2.0 * tolerance_um) / slope if moved_um > tolerance_um else middle
+        at = at + stride if high == math.inf else back if back > low else middle
+    return way * edge
+
+
+def _reading(follower: ModelFollower, state: object) -> float:
+    follower.inverted.restore(state)
+    return follower.inverted.read()
 
 
 def _horizon(follower: ModelFollower) -> tuple[float, ...]:
@@ -244,7 +329,7 @@ def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: 
     at_end = shaped
     for _ in range(follower.horizon_ticks - 1):
         at_end = shape(follower.shaper, at_end, reference_um, follower.period_s)
-    return shaped, at_end.position_um
+    return shaped, at_end.position_um - at_end.withheld_um
 
 
 def _step_models(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:

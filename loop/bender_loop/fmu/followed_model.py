@@ -46,6 +46,8 @@ class FollowedModel:
         units: the command's, the reading's, and those stated for variables without one; empty for V and µm.
         rms_um: rms of the model's residual on held-out rows, 0 where it was not measured.
         preview_horizon_ticks: of the inverse where the reference is known beforehand, 0 for the same.
+        withheld_share: of the shaper.
+        withheld_s: of the shaper.
     """
 
     fmu: str
@@ -64,11 +66,18 @@ class FollowedModel:
     units: tuple[str, ...] = ()
     rms_um: float = 0.0
     preview_horizon_ticks: int = 0
+    withheld_share: float = 0.0
+    withheld_s: float = 0.0
 
     def __post_init__(self) -> None:
-        Shaper(self.rate_um_per_s, self.curvature_um_per_s2)
+        _ = self.shaper
         if self.units and len(self.units) != 4:
             raise ValueError(f"units must be none or four, found {self.units!r}")
+
+    @property
+    def shaper(self) -> Shaper:
+        """Of a reference that is not known beforehand."""
+        return Shaper(self.rate_um_per_s, self.curvature_um_per_s2, self.withheld_share, self.withheld_s)
 
 
 def followed_model(table: dict[str, Any]) -> FollowedModel:
@@ -271,7 +280,7 @@ def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loo
         limits=loop.limits,
         period_s=loop.period_s,
         slew_V_per_s=min(loop.slew_V_per_s, model.slew_V_per_s),
-        shaper=None if loop.preview else Shaper(model.rate_um_per_s, model.curvature_um_per_s2),
+        shaper=None if loop.preview else model.shaper,
         horizon_ticks=horizon_ticks(model, loop),
         lead_s=model.lead_s,
         latency_frames=loop.latency_frames,

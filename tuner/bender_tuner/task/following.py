@@ -19,6 +19,7 @@ AS_SAFE = 1.1
 which no shaper helps, and where the search for gains has ended moves it by some hundredths."""
 AS_NEAR = 1.01
 """Up to so many times the least rms a calmer candidate is taken."""
+_MOST_WITHHELD = 0.5
 TOLERANCE_SHARE = 1e-4
 """Of the set-point: how near the inverse comes."""
 
@@ -58,6 +59,11 @@ def _shaped(model: FollowedModel, fmu: Path, setpoint_um: float, rise_s: float, 
         horizon_ticks=horizon,
     )
     return Following(tried, fmu)
+
+
+def withheld_share(gain_error_percent: float, overshoot_bound: float) -> float:
+    """Return the part of a movement that is left to the loop: what a device may answer too much by beyond the bound."""
+    return min(max(0.01 * gain_error_percent - overshoot_bound, 0.0), _MOST_WITHHELD)
 
 
 @dataclass(frozen=True, slots=True)
