@@ -86,6 +86,7 @@ def _controller(settings: Mapping[str, Any], whole: Model, plant: Source) -> Sou
         block=staging.remembered(PidState(), "block"),
         command_V=number("command_V"),
         begun=number("begun"),
+        rest_um=number("rest_um"),
         way=number("way"),
         aside_V=number("aside_V"),
     )

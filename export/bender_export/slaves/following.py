@@ -47,16 +47,12 @@ TABLE = (
         "largest change of that velocity per time, 0 for none",
     ),
     Row(
-        "shaper.withheld", "parameter", "tunable", "1", 0.0, 0.0, 0.99,
-        "part of each movement of the setpoint that is withheld at first",
-    ),
-    Row(
-        "shaper.withheld_time", "parameter", "tunable", "s", 0.0, 0.0, 1e9,
-        "time constant with which that is given out",
-    ),
-    Row(
         "inverse.horizon", "parameter", "tunable", "1", 1.0, 1.0, 100.0,
         "samples of held command after which the model meets the setpoint, a whole number",
+    ),
+    Row(
+        "inverse.held_back", "parameter", "tunable", "1", 0.0, 0.0, 0.99,
+        "part of a movement that is left to the PID block, which answers for a device that answers more than its model",
     ),
     Row("inverse.tolerance", "parameter", "tunable", "um", 1e-3, 1e-9, 1e3, "how near the inverse comes to it"),
     Row("sampling.period", "parameter", "tunable", "s", 0.01, 1e-9, 1e9, "time between samples that is planned for"),
@@ -69,7 +65,7 @@ TABLE = (
         "from the instant of a measurement until the command acts, less than a period",
     ),
 )  # fmt: skip
-_COMMAND, _FIRST_GAIN, _FIRST_LIMIT, _SLEW, _HORIZON = 2, 3, 8, 11, 16
+_COMMAND, _FIRST_GAIN, _FIRST_LIMIT, _SLEW = 2, 3, 8, 11
 _UM_PER_M = 1e6
 _OUTPUTS = ("displacement", "tip_displacement")
 
@@ -157,10 +153,10 @@ class ModelFollowingController(Shell):
 
     def recalled(self, memory: Any) -> Memory:
         """Return the memory of the controller from its plain tuples."""
-        ahead, behind, frames, shaped, standing_V, feedforward_V, slope, block, command_V, begun, *aside = memory
+        ahead, behind, frames, shaped, standing_V, feedforward_V, slope, block, command_V, begun, *rest_of = memory
         states = _plant_state(ahead), _plant_state(behind)
         voltages_V, block = (standing_V, feedforward_V), PidState(*block)
-        return Memory(*states, frames, Shaped(*shaped), *voltages_V, slope, block, command_V, begun, *aside)
+        return Memory(*states, frames, Shaped(*shaped), *voltages_V, slope, block, command_V, begun, *rest_of)
 
     def parameters_changed(self) -> None:
         """Take the parameters anew at the next sample."""
@@ -174,10 +170,7 @@ class ModelFollowingController(Shell):
         """
         if self.follower is None:
             values = self.values
-            slew, rate, curvature, withheld, withheld_s, horizon, tolerance_um, period_s, latency, delay_s = values[
-                _SLEW:
-            ]
-            bounds = rate if rate > 0.0 else math.inf, curvature if curvature > 0.0 else math.inf
+            slew, rate, curvature, horizon, held_back, tolerance_um, period_s, latency, delay_s = values[_SLEW:]
             self.follower = ModelFollower(
                 inverted=self.inverted,
                 predictor=self.predictor,
@@ -185,12 +178,13 @@ class ModelFollowingController(Shell):
                 limits=Limits(*values[_FIRST_LIMIT:_SLEW]),
                 period_s=period_s,
                 slew_V_per_s=slew if slew > 0.0 else math.inf,
-                shaper=Shaper(*bounds, withheld, withheld_s),
+                shaper=Shaper(rate if rate > 0.0 else math.inf, curvature if curvature > 0.0 else math.inf),
                 horizon_ticks=_whole("inverse.horizon", horizon),
                 lead_s=self.lead_s,
                 latency_frames=_whole("sampling.latency", latency),
                 command_delay_s=delay_s,
                 tolerance_um=tolerance_um,
+                held_back=held_back,
             )
         return self.follower
 

@@ -31,6 +31,11 @@ A command acts a little after the sample that it answers. The inverse reckons wi
 models are then led on with the delay that there was, where the host knows it. While the tip moves quickly a command
 that was a few milliseconds later than the models believe would look like an error of the device.
 
+A device may answer more than its model. The part of every movement by which it may is held back: the inverse aims at so
+much less, the block compares the reading with a prediction of so much more, and gives the rest as soon as its loop lets
+it. A movement of the tip that is too long by that part is then no overshoot; the price are a few per cent of it that
+come as late as the loop brings them.
+
 Standard library only: the file is carried inside the controller FMU, as are those that it imports.
 """
 
@@ -72,6 +77,7 @@ class ModelFollower:
         frame_weights: of the predicted readings in a frame, at equal steps of a period; (1,) is a snapshot.
         command_delay_s: planned from the instant of a measurement until the command acts, less than a period.
         tolerance_um: how near the inverse comes to the reference.
+        held_back: part of a movement from rest that is left to the block.
     """
 
     inverted: SavablePlant
@@ -87,6 +93,7 @@ class ModelFollower:
     frame_weights: tuple[float, ...] = (1.0,)
     command_delay_s: float = 0.0
     tolerance_um: float = 1e-3
+    held_back: float = 0.0
 
     def __post_init__(self) -> None:
         if not (self.period_s > 0.0 and 0.0 <= self.command_delay_s < self.period_s):
@@ -99,6 +106,8 @@ class ModelFollower:
                 f"found horizon_ticks {self.horizon_ticks!r}, latency_frames {self.latency_frames!r}, lead_s "
                 f"{self.lead_s!r}, tolerance_um {self.tolerance_um!r}, expected >= 1, >= 0, >= 0, > 0"
             )
+        if not 0.0 <= self.held_back < 1.0:
+            raise ValueError(f"held_back must be from 0 to below 1, found {self.held_back!r}")
 
     @property
     def look_ahead_s(self) -> float:
@@ -119,6 +128,7 @@ class Memory(NamedTuple):
         block: of the PID block.
         command_V: in force.
         begun: a command is in force.
+        rest_um: reading at rest.
         way: in which the inverted model moved last, up or down; 0 before.
         aside_V: of the feedforward from the command at which the model would go on that way.
     """
@@ -133,6 +143,7 @@ class Memory(NamedTuple):
     block: PidState
     command_V: float
     begun: bool = False
+    rest_um: float = 0.0
     way: float = 0.0
     aside_V: float = 0.0
 
@@ -148,7 +159,8 @@ def rest(follower: ModelFollower) -> Memory:
         shown_um, ahead = first_um, behind
     command_V = min(max(0.0, follower.limits.lower_V), follower.limits.upper_V)
     frames = (first_um,) * (follower.latency_frames + 1)
-    return Memory(ahead, behind, frames, Shaped(shown_um), command_V, command_V, 0.0, PidState(), command_V)
+    voltages_V = command_V, command_V
+    return Memory(ahead, behind, frames, Shaped(shown_um), *voltages_V, 0.0, PidState(), command_V, rest_um=shown_um)
 
 
 def step(
@@ -171,7 +183,9 @@ def step(
     """
     ahead, behind, frames = _at_the_sample(follower, memory, dt_s, acted_s)
     begin = _at_the_command(follower, ahead, memory.feedforward_V)
-    shaped, target_um = _target(follower, memory.shaped, reference_um, dt_s)
+    shaped, wanted_um = _target(follower, memory.shaped, reference_um, dt_s)
+    kept, rest_um = 1.0 - follower.held_back, memory.rest_um
+    target_um, goal_um = rest_um + kept * (wanted_um - rest_um), rest_um + kept * (reference_um - rest_um)
     change_V = follower.slew_V_per_s * min(dt_s, LONGEST_DT_S)
     limits = follower.limits
     within = max(limits.lower_V, memory.feedforward_V - change_V), min(limits.upper_V, memory.feedforward_V + change_V)
@@ -190,7 +204,7 @@ def step(
             follower.inverted,
             begin,
             found,
-            reference_um,
+            goal_um,
             follower.period_s,
             within,
             (limits.lower_V, limits.upper_V),
@@ -208,7 +222,8 @@ def step(
     bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
     block, correction_V = memory.block, memory.command_V - memory.feedforward_V
     if measurement_um is not None:
-        block, correction_V = pid.step(follower.gains, bounds, block, 0.0, measurement_um - frames[0], dt_s)
+        predicted_um = rest_um + (frames[0] - rest_um) / kept
+        block, correction_V = pid.step(follower.gains, bounds, block, 0.0, measurement_um - predicted_um, dt_s)
     else:
         correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
     command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
@@ -217,7 +232,7 @@ def step(
     aside_V = way * min(way * (aside_V + unfelt_V), 0.0)
     voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V
     slope = found.slope_um_per_V
-    return Memory(ahead, behind, frames, shaped, *voltages_V, slope, block, command_V, True, way, aside_V)
+    return Memory(ahead, behind, frames, shaped, *voltages_V, slope, block, command_V, True, rest_um, way, aside_V)
 
 
 def _at_the_sample(
@@ -329,7 +344,7 @@ def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: 
     at_end = shaped
     for _ in range(follower.horizon_ticks - 1):
         at_end = shape(follower.shaper, at_end, reference_um, follower.period_s)
-    return shaped, at_end.position_um - at_end.withheld_um
+    return shaped, at_end.position_um
 
 
 def _step_models(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:

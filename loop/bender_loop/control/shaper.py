@@ -8,9 +8,6 @@ rejection control, IEEE Transactions on Industrial Electronics 56 (2009) 900-906
 
 so that it arrives without passing the set-point, and a step smaller than one sample's worth is taken at once.
 
-Of each movement a share is withheld, and given out as slowly as the loop corrects what the model got wrong: a device
-that answers by that share more than the model does not pass its set-point.
-
 Standard library only: the file is carried inside the controller FMU.
 """
 
@@ -26,41 +23,26 @@ class Shaper:
     Attributes:
         rate_um_per_s: largest velocity, inf for none.
         curvature_um_per_s2: largest change of velocity per time, inf for none.
-        withheld_share: of each movement, from 0 to below 1.
-        withheld_s: time constant with which that is given out.
 
     Raises:
-        ValueError: a bound is not > 0, or the others are out of their ranges.
+        ValueError: a bound is not > 0.
     """
 
     rate_um_per_s: float = math.inf
     curvature_um_per_s2: float = math.inf
-    withheld_share: float = 0.0
-    withheld_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("rate_um_per_s", "curvature_um_per_s2"):
             value = getattr(self, name)
             if not value > 0.0:
                 raise ValueError(f"{name} must be > 0, found {value!r}")
-        if not 0.0 <= self.withheld_share < 1.0 or not 0.0 <= self.withheld_s < math.inf:
-            raise ValueError(
-                f"found withheld_share {self.withheld_share!r} and withheld_s {self.withheld_s!r}, expected from 0 to "
-                "below 1, and a finite time"
-            )
 
 
 class Shaped(NamedTuple):
-    """Where the shaped reference is, how fast it moves, and what of it is withheld."""
+    """Where the shaped reference is, and how fast it moves."""
 
     position_um: float = 0.0
     rate_um_per_s: float = 0.0
-    withheld_um: float = 0.0
-
-    @property
-    def wanted_um(self) -> float:
-        """Where the plant is wanted."""
-        return self.position_um - self.withheld_um
 
 
 def rise_in(step_um: float, duration_s: float) -> Shaper:
@@ -85,7 +67,4 @@ def shape(shaper: Shaper, before: Shaped, setpoint_um: float, dt_s: float) -> Sh
         # from a standstill, or from the wrong direction, it speeds up no faster than the curvature allows
         way = min(way, math.copysign(before.rate_um_per_s, before.rate_um_per_s * distance) * dt_s + most)
     way = math.copysign(min(way, shaper.rate_um_per_s * dt_s, abs(distance)), distance)
-    withheld_um = 0.0
-    if shaper.withheld_share > 0.0 and shaper.withheld_s > 0.0:
-        withheld_um = before.withheld_um * math.exp(-dt_s / shaper.withheld_s) + shaper.withheld_share * way
-    return Shaped(before.position_um + way, way / dt_s, withheld_um)
+    return Shaped(before.position_um + way, way / dt_s)

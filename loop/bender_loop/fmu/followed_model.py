@@ -46,8 +46,7 @@ class FollowedModel:
         units: the command's, the reading's, and those stated for variables without one; empty for V and µm.
         rms_um: rms of the model's residual on held-out rows, 0 where it was not measured.
         preview_horizon_ticks: of the inverse where the reference is known beforehand, 0 for the same.
-        withheld_share: of the shaper.
-        withheld_s: of the shaper.
+        held_back: part of a movement to a set-point that is not known beforehand, which is left to the PID block.
     """
 
     fmu: str
@@ -66,18 +65,14 @@ class FollowedModel:
     units: tuple[str, ...] = ()
     rms_um: float = 0.0
     preview_horizon_ticks: int = 0
-    withheld_share: float = 0.0
-    withheld_s: float = 0.0
+    held_back: float = 0.0
 
     def __post_init__(self) -> None:
-        _ = self.shaper
+        Shaper(self.rate_um_per_s, self.curvature_um_per_s2)
         if self.units and len(self.units) != 4:
             raise ValueError(f"units must be none or four, found {self.units!r}")
-
-    @property
-    def shaper(self) -> Shaper:
-        """Of a reference that is not known beforehand."""
-        return Shaper(self.rate_um_per_s, self.curvature_um_per_s2, self.withheld_share, self.withheld_s)
+        if not 0.0 <= self.held_back < 1.0:
+            raise ValueError(f"held_back must be from 0 to below 1, found {self.held_back!r}")
 
 
 def followed_model(table: dict[str, Any]) -> FollowedModel:
@@ -280,11 +275,13 @@ def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loo
         limits=loop.limits,
         period_s=loop.period_s,
         slew_V_per_s=min(loop.slew_V_per_s, model.slew_V_per_s),
-        shaper=None if loop.preview else model.shaper,
+        shaper=None if loop.preview else Shaper(model.rate_um_per_s, model.curvature_um_per_s2),
         horizon_ticks=horizon_ticks(model, loop),
         lead_s=model.lead_s,
         latency_frames=loop.latency_frames,
         frame_weights=loop.frame_weights,
         command_delay_s=loop.command_delay_s,
         tolerance_um=model.tolerance_um,
+        # nobody would give out what is held back of a known reference, or without an integral
+        held_back=0.0 if loop.preview or gains.integral_V_per_um_s == 0.0 else model.held_back,
     )

@@ -75,8 +75,7 @@ class _Following(_Table):
     units: list[str] = []
     rms_um: float = 0.0
     preview_horizon_ticks: int = 0
-    withheld_share: float = 0.0
-    withheld_s: float = 0.0
+    held_back: float = 0.0
 
 
 class _GainsFile(_Table):

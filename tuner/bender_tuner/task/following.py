@@ -19,7 +19,6 @@ AS_SAFE = 1.1
 which no shaper helps, and where the search for gains has ended moves it by some hundredths."""
 AS_NEAR = 1.01
 """Up to so many times the least rms a calmer candidate is taken."""
-_MOST_WITHHELD = 0.5
 TOLERANCE_SHARE = 1e-4
 """Of the set-point: how near the inverse comes."""
 
@@ -61,9 +60,13 @@ def _shaped(model: FollowedModel, fmu: Path, setpoint_um: float, rise_s: float, 
     return Following(tried, fmu)
 
 
-def withheld_share(gain_error_percent: float, overshoot_bound: float) -> float:
-    """Return the part of a movement that is left to the loop: what a device may answer too much by beyond the bound."""
-    return min(max(0.01 * gain_error_percent - overshoot_bound, 0.0), _MOST_WITHHELD)
+def held_back(gain_error_percent: float, overshoot_bound: float) -> float:
+    """Return the part of a movement that is left to the PID block.
+
+    A device that answers more than the model, by the error of its gain, passes a set-point by no more than the bound.
+    """
+    most = 1.0 + 0.01 * gain_error_percent
+    return max(1.0 - (1.0 + overshoot_bound) / most, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from bender_tuner.model.ensemble import Rival
 from bender_tuner.model.margins import margins
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.doubts import WORSE, Doubt, doubts_of, harm
-from bender_tuner.task.following import Following, Scored, candidates, choose, withheld_share
+from bender_tuner.task.following import Following, Scored, candidates, choose, held_back
 from bender_tuner.task.practitioner import PractitionerObjective, PractitionerReport
 from bender_tuner.task.problem import Report, TuningProblem, as_known
 from bender_tuner.task.settings import GAIN_ERROR_PERCENT, LATE_FRAMES, TuneSettings
@@ -117,11 +117,9 @@ def recommend(
     if device.by_diagnosis:
         judge = as_known(problem, device.gain_error_percent, device.late_frames)
     alone = judge.evaluate(gains)
-    crossover = _crossover_rad_per_s(problem, gains)
-    known_Hz = _KNOWN_SHARE * crossover / (2.0 * math.pi)
+    known_Hz = _known_frequency_Hz(problem, gains)
     if device.by_diagnosis or settings.gain_error_percent is not None:
-        share = withheld_share(device.gain_error_percent, judge.priorities.overshoot_bound)
-        model = replace(model, withheld_share=share, withheld_s=1.0 / crossover)
+        model = replace(model, held_back=held_back(device.gain_error_percent, judge.priorities.overshoot_bound))
     doubted = () if settings.gain_error_percent is not None else doubted
     doubts = doubts_of(problem.experiment, doubted, gains, known_Hz)
     tried: list[Scored] = []
@@ -170,10 +168,11 @@ def _scored(judge: PractitionerObjective, gains: Gains, following: Following, do
     return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed)
 
 
-def _crossover_rad_per_s(problem: TuningProblem, gains: Gains) -> float:
-    """Up to where the loop follows."""
+def _known_frequency_Hz(problem: TuningProblem, gains: Gains) -> float:
+    """Of a reference that the loop follows, and that is told beforehand."""
     crossover = margins(gains, problem.ensemble.nominal.delayed).crossover_rad_per_s
-    return crossover if math.isfinite(crossover) and crossover > 0.0 else _SLOW_RAD_PER_S
+    follows_rad_per_s = crossover if math.isfinite(crossover) else _SLOW_RAD_PER_S
+    return _KNOWN_SHARE * follows_rad_per_s / (2.0 * math.pi)
 
 
 def _of_rules(judge: PractitionerObjective, contenders: Sequence[Contender]) -> list[Score]:
