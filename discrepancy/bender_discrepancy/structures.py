@@ -47,8 +47,11 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
     plain = [x for x in linear if not x.structure.delay and x.hidden_behind is None and x.rings]
     gain = next((x.model for x in plain if x.structure.order == 0), None)
     simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
-    kinds = {bool(x.structure.modes): x for x in reversed(simple)}
     looped = [x for x in found if x.behind_a_loop and x.rings][:1]
+    # a search frees their numbers: with the same parts as behind a loop, it is that one again
+    parts = [(x.structure.lags, x.structure.modes) for x in looped]
+    simple = [x for x in simple if (x.structure.lags, x.structure.modes) not in parts]
+    kinds = {bool(x.structure.modes): x for x in reversed(simple)}
     best = [*looped, *(x for x in simple if x in kinds.values())][:MOST_STRUCTURES]
     orders = [] if how.untimed else [x.model for x in best]
     # behind an even curve a linear fit sees nothing: the structure that it hides is one more

@@ -20,6 +20,7 @@ from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import candidate_forms
+from bender_identify.first_model.structures import Structure
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -286,3 +287,24 @@ def test_uneven_rows_leave_the_starts_as_they_are() -> None:
     starts = scan_any(problem, Hypothesis(), form, QUIET_um, keep=100)
     assert starts
     assert {x.values[1] for x in starts} <= set(form.free[1].starts)
+
+
+@pytest.mark.parametrize(("side", "part"), [("above", 0.62), ("above", 0.9), ("below", 0.75)])
+@pytest.mark.parametrize("size", [0.3, 13.0])
+def test_a_limit_is_found_wherever_the_output_moves(side: str, part: float, size: float) -> None:
+    """The gain of the model is another one than the reading's, and the motion is far from rest: strokes say nothing."""
+    rng = np.random.default_rng(7)
+    sign = 1.0 if side == "above" else -1.0
+    volts = sign * (3.0 + np.repeat(rng.uniform(-2.0, 2.0, 40), 30))
+    time_s = np.arange(volts.size) / 30.0
+    true = Structure(lags=1).model((0.4,))
+    plain = Simulator(observe(Record(time_s, volts, volts)).drive, coarser=1.0).run(true).reading_um
+    level = part * float(np.max(sign * plain))
+    cut = sign * np.minimum(sign * plain, level)
+    read = 5.0 + cut + 0.01 * rng.standard_normal(volts.size)
+    base = true.with_block("linear_transduction", sensitivity_um_per_V=size)
+    problem = problem_of(base, (observe(Record(time_s, volts, read)),))
+    form = next(x for x in candidate_forms(base, problem.observations) if x.name == f"limit {side}")
+    start = scan_any(problem, Hypothesis(), form, 0.01, 1)[0]
+    ratio = size / next(x.parameters.sensitivity_um_per_V for x in true.blocks if x.id == "linear_transduction")
+    assert start.values[0] == pytest.approx(ratio * level, rel=0.05)

@@ -96,7 +96,8 @@ class Form:
         refines: the name of a form of the same effect that has the first of these numbers only: a search sets out from
             where that one promises most.
         beside: id of the effect that it also is, besides its own: a loop beside a curve.
-        scan: how its starts are found: "delay", "steps", "swing" or "ring"; "" for those that its numbers have.
+        scan: how its starts are found: "delay", "steps", "swing", "ring", "limit above" or "limit
+            below"; "" for those that its numbers have.
     """
 
     effect: str

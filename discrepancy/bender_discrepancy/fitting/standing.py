@@ -47,6 +47,10 @@ class Standing:
         share = math.sqrt(rows.size / max(self.slopes.shape[0], 1))
         return _standing(self.slopes[rows], self.ridge * share)
 
+    def weighted(self, weights: Array) -> "Standing":
+        """Return the same where every row (n,) shows only so much of the slopes."""
+        return _standing(self.slopes * weights[:, None], self.ridge)
+
     def without_it(self, column: Array) -> Array:
         """Return a column (n,), or several (n, m), without what the numbers could take over, shape (n + k, ...)."""
         longer = np.concatenate([column, np.zeros((self.ridge.size, *column.shape[1:]))])

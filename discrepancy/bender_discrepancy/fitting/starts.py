@@ -32,7 +32,7 @@ class Start:
     square: float
 
 
-def _columns(problem: FitProblem, readings: list[Array]) -> Array:
+def readings_columns(problem: FitProblem, readings: list[Array]) -> Array:
     """Return readings of the training rows, centred as the offsets that are solved for leave them."""
     parts = [y[x.training] for y, x in zip(readings, problem.observations, strict=True)]
     if have_same_zero(problem.observations):
@@ -42,12 +42,12 @@ def _columns(problem: FitProblem, readings: list[Array]) -> Array:
 
 def _column(problem: FitProblem, hypothesis: Hypothesis) -> Array | None:
     readings = problem.readings(hypothesis, roughly=True)
-    return None if readings is None else _columns(problem, readings)
+    return None if readings is None else readings_columns(problem, readings)
 
 
 def target(problem: FitProblem) -> Array:
     """Return the measured readings of the training rows, centred record by record."""
-    return _columns(problem, [x.measured_um for x in problem.observations])
+    return readings_columns(problem, [x.measured_um for x in problem.observations])
 
 
 def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
@@ -144,7 +144,7 @@ def scan(
     if before is None:
         return []
     measured = target(problem)
-    plain = _columns(problem, before)
+    plain = readings_columns(problem, before)
     one = form.alone().free
     searched = [k for k, free in enumerate(one) if not free.solved]
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
@@ -200,7 +200,7 @@ def _tried(
         readings = problem.readings(base.plus(form, tuple(trial)), roughly=True)
         if readings is None:
             return None
-        columns.append((_columns(problem, readings) - plain) / trial[k])
+        columns.append((readings_columns(problem, readings) - plain) / trial[k])
     positive = np.array([False] + [form.free[k].low >= 0.0 for k in amplitudes])
     *columns, goal = left(*columns, measured)
     weights, square = solved_with_signs(columns, goal, positive, _sign(plain, measured))

@@ -29,7 +29,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
 
         name = f"limit {side}"
         return (
-            Form("output_limit", name, (known,), hard, timed=False),
+            Form("output_limit", name, (known,), hard, timed=False, scan=name),
             Form("output_limit", f"{name}, sloping", (known, slope), sloping, timed=False, refines=name),
             Form(
                 "output_limit", f"{name}, soft", (known, slope, rounding), soft, timed=False,

@@ -6,6 +6,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.fitting.scans.hum import scan_hum
+from bender_discrepancy.fitting.scans.limit import limits_where_they_promise
 from bender_discrepancy.fitting.scans.second_mode import ringing_where_it_promises
 from bender_discrepancy.fitting.scans.supply_steps import scan_supply_steps
 from bender_discrepancy.fitting.standing import Standing
@@ -42,6 +43,8 @@ def _scan_any(
         return scan_supply_steps(problem, base, form, noise_um, keep, beside)
     if form.scan == "swing":
         return scan_hum(problem, base, form, keep, beside)
+    if form.scan in ("limit above", "limit below"):
+        return scan(problem, base, limits_where_they_promise(problem, base, form, beside), keep, beside)
     if form.scan == "ring":
         return scan(problem, base, ringing_where_it_promises(problem, base, form, beside), keep, beside)
     return scan(problem, base, form, keep, beside)
