@@ -423,3 +423,13 @@ def test_inside_nothing_changes_and_beyond_it_runs_on_along_a_line(effect: str) 
 def test_other_blocks_stay_as_they_are() -> None:
     model = load_model("paper").with_block("output_curve", cubic_1_per_um2=1e-4)
     assert straight_beyond(model, ["source_resistance"], ValidRange(0.0, 50.0, 1.0), []) == model
+
+
+def test_readings_at_the_end_of_the_range_are_said():
+    swing_V = 25.0 + 20.0 * np.sin(0.2 * np.arange(900) / 30.0 * 2.0 * np.pi)
+    record = record_of(voltage_V=swing_V)
+    level = float(np.quantile(record.displacement_um, 0.8))
+    cut = Record(record.time_s, record.voltage_V, np.minimum(record.displacement_um, level))
+    (said,) = [x for x in warnings(find(told([cut], word="unexplained"))) if "end of its range" in x]
+    assert said.startswith(f"{int(np.sum(cut.displacement_um == level))} readings stand at ")
+    assert not any("end of its range" in x for x in warnings(find(told([record], word="no_gap"))))

@@ -14,6 +14,7 @@ from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
+from bender_loop.records.end_of_range import ends_of_range
 from bender_report.number import Number
 from bender_report.wording import fields, figure, input_word, listed, percent, quantity, uncertain
 
@@ -64,6 +65,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _not_following(findings)
     found += _zero_moved(findings.search)
     found += _zeros_apart(findings)
+    found += _at_the_end_of_the_range(findings.search)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
     found += findings.search.witnesses
@@ -110,6 +112,17 @@ def _zeros_apart(findings: Findings) -> list[str]:
     return [
         f"the records have offsets of their own, up to {quantity(apart_um, unit)} apart; if the sensor was not zeroed "
         "between them, use --same-zero (same_zero=True in Python): a missing effect may hide in them"
+    ]
+
+
+def _at_the_end_of_the_range(search: SearchResult) -> list[str]:
+    """Say of readings that stand at one value, without their noise, that they tell nothing of what lies beyond it."""
+    return [
+        f"{_name(search, k)}{end.rows} readings stand at {quantity(end.value, x.quantities.reading)}, the "
+        f"{'highest' if end.side == 'above' else 'lowest'} of all, without the noise of the others: the sensor, or "
+        "what it reads, is at the end of its range there, and tells nothing of what lies beyond"
+        for k, x in enumerate(search.records)
+        for end in ends_of_range(x)
     ]
 
 

@@ -7,6 +7,7 @@
 | `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
 | `compare` | how well a simulation agrees with a measurement |
 | `drive` | a plant driven open loop with the voltage of a record |
+| `end_of_range` | readings that stand at the end of a sensor's range |
 | `further` | further inputs of a plant: what was measured beside the command and acts on the plant as well |
 | `initial_motion` | the command before the first row of a record that starts in motion |
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
