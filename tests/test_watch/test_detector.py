@@ -306,3 +306,23 @@ def test_other_forms_of_an_effect_take_no_place_of_another_effect() -> None:
     names = ["offset", "gain_error", *["creep"] * 20, "backlash"]
     groups = distinct_groups(names, rng.standard_normal((400, len(names))), 2)
     assert ("backlash",) in [x.effects for x in groups]
+
+
+def test_of_the_forms_of_an_effect_the_one_most_like_the_others_stands_for_it() -> None:
+    rng = np.random.default_rng(6)
+    base, far = rng.standard_normal((400, 4)), rng.standard_normal((400, 20))
+    lone, middle = base[:, 3], base[:, 2]
+    near = [middle + 0.5 * rng.standard_normal(400) for _ in range(2)]
+    every = np.column_stack([base[:, 0], base[:, 1], lone, near[0], middle, near[1], far])
+    names = ["offset", "gain_error", *["creep"] * 4, *[f"other {k}" for k in range(20)]]
+    assert [x.place for x in distinct_groups(names, every, 2) if x.effects[0] == "creep"] == [4]
+
+
+def test_a_form_unlike_the_others_of_its_effect_comes_before_one_that_is_like_them() -> None:
+    rng = np.random.default_rng(7)
+    base, middle = rng.standard_normal((400, 3)), rng.standard_normal(400)
+    near = [middle + 0.6 * rng.standard_normal(400) for _ in range(3)]
+    others = rng.standard_normal((400, 14))
+    every = np.column_stack([base[:, :2], middle, *near, base[:, 2], others])
+    names = ["offset", "gain_error", *["creep"] * 5, *[f"other {k}" for k in range(14)]]
+    assert [x.place for x in distinct_groups(names, every, 2) if x.effects[0] == "creep"] == [2, 6]

@@ -125,15 +125,18 @@ class Watcher:
         self._raised |= set(baseline.raised)
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
-        """Begin another record; what was learned stays."""
-        time_s, voltage_V = float(first.time_s[0]), float(first.voltage_V[0])
+        """Begin another record; what was learned stays.
+
+        Raises:
+            InputError: the model cannot be driven to where it begins.
+        """
+        time_s = float(first.time_s[0])
         # a clock that was set back goes on where it was
         self._behind_s += max(self._last[0] - time_s, 0.0) if self._last else 0.0
-        one = first.part(slice(0, 1))
-        rest = starts_at_rest(first.voltage_V[:2]) or reads_rest(self.baseline, one)
-        self.baseline.beginning.begin(time_s, voltage_V, rest=rest)
-        stood = rest and not moved_before(self.baseline, one, lambda x: self._drift_um(x, self._steps(one.time_s)))
-        self.baseline.expectation.begin(time_s, voltage_V, rest=rest)
+        try:
+            rest, stood = self._begin_model(first)
+        except ArithmeticError as error:
+            raise InputError(f"row {self.rows + 1}: {error}") from None
         settling = settling_rows(stood, self.baseline.rows)
         self._last, self._opening = None, np.zeros((0, OPENED))
         # nobody looks at the past of an FMU: its course is over before its level is looked at
@@ -144,6 +147,15 @@ class Watcher:
         unknown = np.diag(self._deviations**2) if stood else np.zeros((UNKNOWNS, UNKNOWNS))
         self._take_known(np.zeros(UNKNOWNS), unknown, *self.detector.drift)
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
+
+    def _begin_model(self, first: Rows) -> tuple[bool, bool]:
+        """Drive the model to the first row; return whether it begins at rest, and whether it stood there for long."""
+        one, time_s, voltage_V = first.part(slice(0, 1)), float(first.time_s[0]), float(first.voltage_V[0])
+        rest = starts_at_rest(first.voltage_V[:2]) or reads_rest(self.baseline, one)
+        self.baseline.beginning.begin(time_s, voltage_V, rest=rest)
+        stood = rest and not moved_before(self.baseline, one, lambda x: self._drift_um(x, self._steps(one.time_s)))
+        self.baseline.expectation.begin(time_s, voltage_V, rest=rest)
+        return rest, stood
 
     def _take_known(self, amplitudes: Array, covariance: Array, drift: Array, of_drift: Array) -> None:
         """Take what is known of a record (its level, what came before it), and of the drift beside it."""

@@ -1,7 +1,8 @@
 """Expected readings and signatures, row by row: of a model of this project, or of any FMU."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -85,11 +86,18 @@ class OfModel:
     def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
         """Begin a record."""
         self._lost = set()
-        for stream in (self._own, *(x for x, _ in self._beside)):
-            if rest:
-                stream.begin()
-            else:
-                stream.stand(time_s - rest_before_s(stream), voltage_V, time_s)
+        _begin(self._own, time_s, voltage_V, rest)
+        for number, (stream, _) in enumerate(self._beside):
+            with self._while_it_lasts(number):
+                _begin(stream, time_s, voltage_V, rest)
+
+    @contextmanager
+    def _while_it_lasts(self, number: int) -> Iterator[None]:
+        """Go on without the signatures of a stream that runs away: the device is its model, which does not."""
+        try:
+            yield
+        except ArithmeticError:
+            self._lost.add(number)
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
         """Return the expected readings (n,) and what each variant reads beyond the model (n, j)."""
@@ -98,13 +106,9 @@ class OfModel:
         for number, (stream, places) in enumerate(self._beside):
             if number in self._lost:
                 continue
-            try:
+            with self._while_it_lasts(number):
                 readings = stream.advance(time_s, voltage_V, command_time_s)
-            except ArithmeticError:
-                # the device is its model, which does not run away: such a signature is none for this record
-                self._lost.add(number)
-                continue
-            added[:, places] = (readings[1:] - readings[0]).T
+                added[:, places] = (readings[1:] - readings[0]).T
         return expected, added
 
     def state(self) -> Any:
@@ -120,6 +124,14 @@ class OfModel:
         for (stream, _), known in zip(self._beside, beside, strict=True):
             if known is not None:
                 stream.restore(known)
+
+
+def _begin(stream: Stream, time_s: float, voltage_V: float, rest: bool) -> None:
+    """Begin a record: at rest, or after standing at a voltage for long."""
+    if rest:
+        stream.begin()
+    else:
+        stream.stand(time_s - rest_before_s(stream), voltage_V, time_s)
 
 
 def _decade(step_s: float) -> int:

@@ -50,7 +50,7 @@ def distinct_groups(effects: Sequence[str], whitened: Array, first: int) -> list
     own = np.linalg.norm(apart, axis=0)
     apart = apart / np.where(own > 0.0, own, 1.0)
     leaders, members = list(range(first)), {k: [k] for k in range(first)}
-    for k in _each_effect_once(effects, first):
+    for k in _each_effect_once(effects, apart, first):
         if norms[k] == 0.0:
             continue
         if own[k] < LEAST_APART:
@@ -68,8 +68,27 @@ def distinct_groups(effects: Sequence[str], whitened: Array, first: int) -> list
     return [Group(k, tuple(dict.fromkeys(effects[m] for m in members[k]))) for k in leaders]
 
 
-def _each_effect_once(effects: Sequence[str], first: int) -> list[int]:
-    """Return places from one on: the first of every effect, then its other forms, for which there may be no room."""
-    places = range(first, len(effects))
-    seen = [effects.index(effects[k], first) == k for k in places]
-    return sorted(places, key=lambda k: not seen[k - first])
+def _each_effect_once(effects: Sequence[str], apart: Array, first: int) -> list[int]:
+    """Return places from one on: of every effect the form most like its others, then these, if there is room.
+
+    An effect comes in a form that nobody has chosen: what stands for it has to be like as many of them as can be. Of
+    the others those come first that are least like the ones before them.
+
+    Args:
+        effects: (j,) ids.
+        apart: (n, j) what each adds to level and gain, of unit size or none.
+        first: place of the first effect.
+    """
+    leaders: list[int] = []
+    others: list[tuple[float, int]] = []
+    for effect in dict.fromkeys(effects[first:]):
+        places = [k for k in range(first, len(effects)) if effects[k] == effect]
+        alike = np.abs(apart[:, places].T @ apart[:, places])
+        order = [int(np.argmax(alike.sum(axis=0)))]
+        while len(order) < len(places):
+            nearest = np.max(alike[order], axis=0)
+            nearest[order] = np.inf
+            order.append(int(np.argmin(nearest)))
+            others.append((float(nearest[order[-1]]), places[order[-1]]))
+        leaders.append(places[order[0]])
+    return [*leaders, *(k for _, k in sorted(others))]
