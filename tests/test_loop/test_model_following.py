@@ -16,6 +16,7 @@ from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Sine, Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.shaper import Shaped, Shaper, rise_in, shape
+from bender_tuner.task.following import held_back
 
 PERIOD_S = 0.05
 GAINS = Gains(0.05, 2.0, 0.01, 0.1)
@@ -369,3 +370,94 @@ def test_a_target_that_is_all_but_out_of_reach_takes_no_more_command_than_the_mo
     found = invert(model, model.save(), most_um + short, (PERIOD_S,), (0.0, 50.0), at_V, 0.0, 1e-3)
     assert found.voltage_V <= at_V + 40.0 * PERIOD_S + 0.02
     assert found.reading_um == pytest.approx(most_um, abs=1e-3)
+
+
+class CreepingPlay:
+    """gain (v + creep) behind a play; the creep follows v within half a second. What it reads drifts."""
+
+    def __init__(self, drift_um_per_s: float = 0.0) -> None:
+        self.drift_um_per_s = drift_um_per_s
+        self.reset()
+
+    def reset(self) -> None:
+        self.time_s = self.creep_V = self.y = 0.0
+
+    def read(self) -> float:
+        return self.y + self.drift_um_per_s * self.time_s
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        self.time_s += step_s
+        self.creep_V += (0.8 * voltage_V - self.creep_V) * -math.expm1(-step_s / 0.5)
+        pushed = 0.5 * (voltage_V + self.creep_V)
+        self.y = min(max(self.y, pushed - 1.0), pushed + 1.0)
+        return self.read()
+
+    def save(self) -> object:
+        return self.time_s, self.creep_V, self.y
+
+    def restore(self, state: object) -> None:
+        self.time_s, self.creep_V, self.y = state  # pyright: ignore[reportGeneralTypeIssues]
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("drift_um_per_s", [-0.15, 0.15])
+@pytest.mark.parametrize("levels", [(10.0,), (14.0, 4.0)])
+def test_behind_a_play_a_drift_is_corrected_while_the_model_creeps(drift_um_per_s: float, levels: tuple[float, ...]):
+    """Creep carries the model back to the edge of the play that the block has left, and the block begins anew."""
+    model, device = CreepingPlay(), CreepingPlay(drift_um_per_s)
+    made = follower(inverted=model, predictor=model, shaper=None, gains=Gains(0.0, 6.0), tolerance_um=1e-3)
+    memory, reading, missed = rest(made), 0.0, []
+    for level in levels:
+        for _ in range(120):
+            memory = step(made, memory, level, reading, PERIOD_S)
+            reading = device.step(memory.command_V, PERIOD_S)
+            missed.append(abs(reading - level))
+    # the play is 4 V wide at first: at 6 V/(µm s) the block is through it before the drift has made more than this
+    assert max(missed[-60:]) < math.sqrt(4.0 * 1.0 * 0.15 / (6.0 * 0.5))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_noise_leaves_the_model_on_the_side_of_the_play_on_which_the_device_is(seed: int):
+    rng = np.random.default_rng(seed)
+    model, device = Play(), Play()
+    made = follower(inverted=model, predictor=model, shaper=None, gains=Gains(0.0, 2.0), tolerance_um=1e-3)
+    memory, reading = rest(made), device.read()
+    for _ in range(100):
+        memory = step(made, memory, 10.0, reading + float(rng.normal(0.0, 0.1)), PERIOD_S)
+        reading = device.step(memory.command_V, PERIOD_S)
+    before = reading
+    memory = step(made, memory, 4.0, reading, PERIOD_S)
+    moved = device.step(memory.command_V, PERIOD_S) - before
+    assert moved == pytest.approx(-6.0, abs=0.05)
+
+
+@given(st.floats(0.0, 90.0), st.floats(0.0, 0.3))
+def test_so_much_is_held_back_that_a_device_within_its_bounds_does_not_pass(percent: float, bound: float):
+    held = held_back(percent, bound)
+    assert 0.0 <= held < 1.0
+    assert (1.0 - held) * (1.0 + 0.01 * percent) == pytest.approx(min(1.0 + bound, 1.0 + 0.01 * percent))
+
+
+@pytest.mark.parametrize("rest_um", [0.0, -300.0])
+@pytest.mark.parametrize("gain", [0.5, 0.525, 0.475])
+def test_what_is_held_back_is_given_by_the_block(gain: float, rest_um: float):
+    """A device that answers 5 % more passes by 2 %, none at all with the model's own gain, and every one arrives."""
+
+    class Offset(Lag):
+        def read(self) -> float:
+            return super().read() + rest_um
+
+        def step(self, voltage_V: float, step_s: float) -> float:
+            return super().step(voltage_V, step_s) + rest_um
+
+    made = follower(
+        inverted=Offset(), predictor=Offset(dead_steps=7), held_back=held_back(5.0, 0.02), gains=Gains(0.0, 4.0)
+    )
+    device = Offset(gain, dead_steps=7)
+    trace = simulate_following(device, made, Step(rest_um + 10.0), Sampling(1.0 / PERIOD_S), 6.0)
+    assert trace.displacement_um.max() < rest_um + 10.0 + (0.21 if gain > 0.5 else 0.02)
+    assert trace.displacement_um[20] == pytest.approx(rest_um + 10.0, abs=0.5)
+    assert trace.displacement_um[-1] == pytest.approx(rest_um + 10.0, abs=0.01)

@@ -52,7 +52,10 @@ from bender_loop.control.shaper import Shaped, Shaper, shape
 LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
 _UNFELT = 1e-3
-"""A change of the command to which the model answers by less than this part of its last slope is not felt."""
+"""A change of the command is not felt where the model answers by less than this part of the inverse's tolerance, and of
+what it would answer by its last slope."""
+_THERE = 4.0
+"""So many tolerances of the inverse from a set-point that rests a model is there: no play is crossed for less."""
 _FELT = 0.9
 """Of that slope: a change that is felt by so much is felt from the first volt on."""
 _HALVINGS = 8
@@ -213,12 +216,17 @@ def step(
         )
     # a command that misses its target is what it is for other reasons, and is thought of anew at the next sample
     met = abs(found.reading_um - target_um) <= follower.tolerance_um
-    missing_um = target_um - _reading(follower, begin)
+    at_um = _reading(follower, begin)
     way, aside_V = memory.way, memory.aside_V
-    if not met or abs(missing_um) > follower.tolerance_um:
-        way, aside_V = math.copysign(1.0, missing_um), 0.0
-    elif way != 0.0 and (aside_V != 0.0 or found.voltage_V == memory.feedforward_V):
-        found, aside_V = _kept_aside(follower, begin, found, within, way, aside_V)
+    still = wanted_um == shaped.position_um == memory.shaped.position_um
+    if still and way != 0.0 and abs(target_um - at_um) <= _THERE * follower.tolerance_um:
+        # at the edge of a play the slope between two trials tells nothing of what lies beyond it
+        at = Inverted(found.voltage_V, at_um, memory.slope_um_per_V)
+        inside, aside_V = _inside(follower, begin, at, way, memory.feedforward_V - aside_V, aside_V)
+        if inside < math.inf:
+            found, met = Inverted(min(max(inside, within[0]), within[1]), at_um, memory.slope_um_per_V), True
+    else:
+        way, aside_V = math.copysign(1.0, target_um - at_um), 0.0
     bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
     block, correction_V = memory.block, memory.command_V - memory.feedforward_V
     if measurement_um is not None:
@@ -267,8 +275,9 @@ def _unfelt(follower: ModelFollower, begin: object, found: Inverted, change_V: f
     if expected_um == 0.0:
         return 0.0
     horizon = _horizon(follower)
+    least_um = _UNFELT * min(expected_um, follower.tolerance_um)
     felt_um = abs(response(follower.inverted, begin, found.voltage_V + change_V, horizon) - found.reading_um)
-    if felt_um <= _UNFELT * expected_um:
+    if felt_um <= least_um:
         return change_V
     if felt_um >= _FELT * expected_um:
         return 0.0
@@ -276,52 +285,55 @@ def _unfelt(follower: ModelFollower, begin: object, found: Inverted, change_V: f
     for _ in range(_HALVINGS):
         middle = 0.5 * (lost + felt)
         reading_um = response(follower.inverted, begin, found.voltage_V + middle * change_V, horizon)
-        if abs(reading_um - found.reading_um) <= _UNFELT * expected_um:
+        if abs(reading_um - found.reading_um) <= least_um:
             lost = middle
         else:
             felt = middle
     return lost * change_V
 
 
-def _kept_aside(
-    follower: ModelFollower, begin: object, found: Inverted, within_V: tuple[float, float], way: float, aside_V: float
-) -> tuple[Inverted, float]:
+def _inside(
+    follower: ModelFollower, begin: object, at: Inverted, way: float, guess_V: float, aside_V: float
+) -> tuple[float, float]:
     """The command so far aside of the one at which the inverted model would go on its way, and how far it is.
 
-    Where a model has no such play the command is as it was found.
+    It is inf where there is no play: where the model goes back as it went on.
     """
-    slope, tolerance_um = found.slope_um_per_V, follower.tolerance_um
+    slope = at.slope_um_per_V
     if slope <= 0.0:
-        return found, 0.0
-    edge_V = _edge(follower, begin, found, way, found.voltage_V - aside_V)
-    if abs(edge_V) == math.inf or (aside_V == 0.0 and abs(edge_V - found.voltage_V) * slope <= tolerance_um):
-        return found, 0.0
-    at = Inverted(edge_V, found.reading_um, slope)
-    aside_V = _unfelt(follower, begin, at, aside_V)
-    return Inverted(min(max(edge_V + aside_V, within_V[0]), within_V[1]), found.reading_um, slope), aside_V
+        return math.inf, 0.0
+    edge_V = _edge(follower, begin, at, way, guess_V)
+    if abs(edge_V) == math.inf:
+        return math.inf, 0.0
+    back_V = edge_V - way * _THERE * follower.tolerance_um / slope
+    back_um = response(follower.inverted, begin, back_V, _horizon(follower))
+    if way * (at.reading_um - back_um) > follower.tolerance_um:
+        return math.inf, 0.0
+    aside_V = _unfelt(follower, begin, Inverted(edge_V, at.reading_um, slope), aside_V)
+    return edge_V + aside_V, aside_V
 
 
-def _edge(follower: ModelFollower, begin: object, found: Inverted, way: float, guess_V: float) -> float:
+def _edge(follower: ModelFollower, begin: object, at: Inverted, way: float, guess_V: float) -> float:
     """The last command before the inverted model goes on its way, found from a guess; inf where it does not."""
-    slope, tolerance_um = found.slope_um_per_V, follower.tolerance_um
+    slope, tolerance_um = at.slope_um_per_V, follower.tolerance_um
     last = max(way * follower.limits.lower_V, way * follower.limits.upper_V)
     stride = 2.0 * tolerance_um / slope
-    low, high, at, edge = -math.inf, math.inf, way * guess_V + stride, math.inf
+    low, high, to, edge = -math.inf, math.inf, way * guess_V + stride, math.inf
     for _ in range(MOST_TRIALS):
-        at = min(at, last)
-        moved_um = way * (response(follower.inverted, begin, way * at, _horizon(follower)) - found.reading_um)
+        to = min(to, last)
+        moved_um = way * (response(follower.inverted, begin, way * to, _horizon(follower)) - at.reading_um)
         if tolerance_um <= moved_um <= 3.0 * tolerance_um:
-            edge = at - moved_um / slope
+            edge = to - moved_um / slope
             break
-        if moved_um < tolerance_um and at == last:
+        if moved_um < tolerance_um and to == last:
             break
-        low = max(low, at) if moved_um < tolerance_um else low
-        high = at if moved_um > tolerance_um else high
+        low = max(low, to) if moved_um < tolerance_um else low
+        high = to if moved_um > tolerance_um else high
         # out, twice as far each time; back by the slope, which is known beyond the edge and nothing on this side of it
         stride = 2.0 * stride
         middle = 0.5 * (low + high)
-        back = at - (moved_um - 2.0 * tolerance_um) / slope if moved_um > tolerance_um else middle
-        at = at + stride if high == math.inf else back if back > low else middle
+        back = to - (moved_um - 2.0 * tolerance_um) / slope if moved_um > tolerance_um else middle
+        to = to + stride if high == math.inf else back if back > low else middle
     return way * edge
 
 

@@ -118,15 +118,15 @@ def recommend(
         judge = as_known(problem, device.gain_error_percent, device.late_frames)
     alone = judge.evaluate(gains)
     known_Hz = _known_frequency_Hz(problem, gains)
-    if device.by_diagnosis or settings.gain_error_percent is not None:
-        model = replace(model, held_back=held_back(device.gain_error_percent, judge.priorities.overshoot_bound))
     doubted = () if settings.gain_error_percent is not None else doubted
     doubts = doubts_of(problem.experiment, doubted, gains, known_Hz)
+    known_gain = device.by_diagnosis or settings.gain_error_percent is not None
+    share = held_back(device.gain_error_percent, judge.priorities.overshoot_bound) if known_gain else 0.0
     tried: list[Scored] = []
     best: Scored | None = None
     for group in candidates(model, fmu, settings.setpoint_um, settings.sampling, problem.reduced.lag_s):
         for count, following in enumerate(group, start=1):
-            tried.append(_scored(judge, gains, following, doubts))
+            tried.append(_scored(judge, gains, following, doubts, share))
             report("tuning model following", count, len(group), f"best {min(x.value for x in tried):.4g}")
         best = choose(tried, alone.value)
         if best is not None:
@@ -161,11 +161,20 @@ def device_of(settings: TuneSettings, known: Known | None) -> Device:
     return Device(known.gain_error_percent if percent is None else percent, frames if late is None else late, True)
 
 
-def _scored(judge: PractitionerObjective, gains: Gains, following: Following, doubts: Sequence[Doubt]) -> Scored:
+def _scored(
+    judge: PractitionerObjective, gains: Gains, following: Following, doubts: Sequence[Doubt], share: float
+) -> Scored:
+    """Score a candidate, with a share held back where a device as far off as it may be would pass without."""
     found = judge.evaluate(gains, following)
+    safe = judge.all_keep_overshoot(found)
+    if not safe and share > 0.0:
+        careful = replace(following, model=replace(following.model, held_back=share))
+        other = judge.evaluate(gains, careful)
+        if judge.all_keep_overshoot(other):
+            following, found, safe = careful, other, True
     kept = found.bounds_kept and judge.keeps_overshoot(gains, following)
     harmed = harm(doubts, gains, following, 100.0 * judge.priorities.overshoot_bound) if kept else ""
-    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed)
+    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed, safe)
 
 
 def _known_frequency_Hz(problem: TuningProblem, gains: Gains) -> float:
