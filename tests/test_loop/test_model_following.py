@@ -402,20 +402,20 @@ class CreepingPlay:
         pass
 
 
-@pytest.mark.parametrize("drift_um_per_s", [-0.15, 0.15])
-@pytest.mark.parametrize("levels", [(10.0,), (14.0, 4.0)])
-def test_behind_a_play_a_drift_is_corrected_while_the_model_creeps(drift_um_per_s: float, levels: tuple[float, ...]):
-    """Creep carries the model back to the edge of the play that the block has left, and the block begins anew."""
-    model, device = CreepingPlay(), CreepingPlay(drift_um_per_s)
+@pytest.mark.parametrize("levels", [(10.0,), (6.0, 12.0)])
+def test_a_play_stays_engaged_while_what_is_in_front_of_it_creeps(levels: tuple[float, ...]):
+    """A drift that the tip has to follow on its way is corrected at once. From inside the play it would not be."""
+    model, device = CreepingPlay(), CreepingPlay(-0.15)
     made = follower(inverted=model, predictor=model, shaper=None, gains=Gains(0.0, 6.0), tolerance_um=1e-3)
-    memory, reading, missed = rest(made), 0.0, []
+    memory, reading = rest(made), 0.0
     for level in levels:
-        for _ in range(120):
+        missed = []
+        for _ in range(100):
             memory = step(made, memory, level, reading, PERIOD_S)
             reading = device.step(memory.command_V, PERIOD_S)
             missed.append(abs(reading - level))
-    # the play is 4 V wide at first: at 6 V/(µm s) the block is through it before the drift has made more than this
-    assert max(missed[-60:]) < math.sqrt(4.0 * 1.0 * 0.15 / (6.0 * 0.5))
+        # a ramp leaves its rate over the integral gain of the loop
+        assert max(missed[20:]) < 1.5 * 0.15 / (6.0 * 0.5)
 
 
 @settings(max_examples=15, deadline=None)
@@ -434,11 +434,11 @@ def test_noise_leaves_the_model_on_the_side_of_the_play_on_which_the_device_is(s
     assert moved == pytest.approx(-6.0, abs=0.05)
 
 
-@given(st.floats(0.0, 90.0), st.floats(0.0, 0.3))
-def test_so_much_is_held_back_that_a_device_within_its_bounds_does_not_pass(percent: float, bound: float):
-    held = held_back(percent, bound)
+@given(st.floats(0.0, 0.9), st.floats(0.0, 0.3))
+def test_so_much_is_held_back_that_an_overshoot_comes_to_its_bound(overshoot: float, bound: float):
+    held = held_back(overshoot, bound)
     assert 0.0 <= held < 1.0
-    assert (1.0 - held) * (1.0 + 0.01 * percent) == pytest.approx(min(1.0 + bound, 1.0 + 0.01 * percent))
+    assert (1.0 - held) * (1.0 + overshoot) == pytest.approx(min(1.0 + bound, 1.0 + overshoot))
 
 
 @pytest.mark.parametrize("rest_um", [0.0, -300.0])
@@ -454,7 +454,7 @@ def test_what_is_held_back_is_given_by_the_block(gain: float, rest_um: float):
             return super().step(voltage_V, step_s) + rest_um
 
     made = follower(
-        inverted=Offset(), predictor=Offset(dead_steps=7), held_back=held_back(5.0, 0.02), gains=Gains(0.0, 4.0)
+        inverted=Offset(), predictor=Offset(dead_steps=7), held_back=held_back(0.05, 0.02), gains=Gains(0.0, 4.0)
     )
     device = Offset(gain, dead_steps=7)
     trace = simulate_following(device, made, Step(rest_um + 10.0), Sampling(1.0 / PERIOD_S), 6.0)

@@ -60,13 +60,9 @@ def _shaped(model: FollowedModel, fmu: Path, setpoint_um: float, rise_s: float, 
     return Following(tried, fmu)
 
 
-def held_back(gain_error_percent: float, overshoot_bound: float) -> float:
-    """Return the part of a movement that is left to the PID block.
-
-    A device that answers more than the model, by the error of its gain, passes a set-point by no more than the bound.
-    """
-    most = 1.0 + 0.01 * gain_error_percent
-    return max(1.0 - (1.0 + overshoot_bound) / most, 0.0)
+def held_back(overshoot: float, bound: float) -> float:
+    """Return the part of a movement to leave to the PID block so that an overshoot, as a share, comes to `bound`."""
+    return max(1.0 - (1.0 + bound) / (1.0 + overshoot), 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +75,6 @@ class Scored:
         nominal_rms_um: from the set-point, of the step on the nominal plant.
         bounds_kept: whether it keeps the bounds.
         harm: that it does to a device without what no diagnosis vouches for, in words; it is not kept then either.
-        safe: no device that is as far off as it may be passes the set-point by more than the bound.
     """
 
     following: Following
@@ -87,14 +82,12 @@ class Scored:
     nominal_rms_um: float
     bounds_kept: bool
     harm: str = ""
-    safe: bool = False
 
 
 def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
     """Return the one that is nearest to the set-point of all that are good; None where nothing is.
 
-    Good is what keeps the bounds, is better than the PID block alone, and lets no device pass the set-point that is as
-    far off as it may be; where nothing is, what is as safe as the best by the objective. Of the good ones the
+    Good is what keeps the bounds, is better than the PID block alone, and is as safe as the best. Of the good ones the
     quickest on the nominal plant is taken, without what the noise of models and gains would decide: over the objective
     alone shapers differ by less than that, while a slow one costs a tenth of the rms. Where others are as near, the
     calmest of them is: the shortest horizon comes first, for it leaves the least to a command that is held longer than
@@ -112,7 +105,7 @@ def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
     if not fit:
         return None
     most = AS_SAFE * min(x.value for x in fit)
-    good = [x for x in fit if x.safe] or [x for x in fit if x.value <= most]
+    good = [x for x in fit if x.value <= most]
     least_um = min(x.nominal_rms_um for x in good)
     near = [x for x in good if x.nominal_rms_um <= AS_NEAR * least_um]
     best = min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s))

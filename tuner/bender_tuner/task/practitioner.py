@@ -194,10 +194,6 @@ class PractitionerObjective:
             settling_time_s=settling_time_s,
         )
 
-    def all_keep_overshoot(self, report: PractitionerReport) -> bool:
-        """Return whether the step of every case keeps the bound on the overshoot, not of the nominal ones alone."""
-        return all(x.metrics.overshoot_percent <= 100.0 * self.priorities.overshoot_bound for x in report.cases)
-
     def keeps_overshoot(self, gains: Gains, following: Following) -> bool:
         """Return whether every nominal case keeps the bound on its overshoot up, down and up again."""
         bound = 100.0 * self.priorities.overshoot_bound

@@ -120,13 +120,11 @@ def recommend(
     known_Hz = _known_frequency_Hz(problem, gains)
     doubted = () if settings.gain_error_percent is not None else doubted
     doubts = doubts_of(problem.experiment, doubted, gains, known_Hz)
-    known_gain = device.by_diagnosis or settings.gain_error_percent is not None
-    share = held_back(device.gain_error_percent, judge.priorities.overshoot_bound) if known_gain else 0.0
     tried: list[Scored] = []
     best: Scored | None = None
     for group in candidates(model, fmu, settings.setpoint_um, settings.sampling, problem.reduced.lag_s):
         for count, following in enumerate(group, start=1):
-            tried.append(_scored(judge, gains, following, doubts, share))
+            tried.append(_scored(judge, gains, following, doubts))
             report("tuning model following", count, len(group), f"best {min(x.value for x in tried):.4g}")
         best = choose(tried, alone.value)
         if best is not None:
@@ -135,6 +133,8 @@ def recommend(
     if best is None and (near := choose(tried, WORSE * alone.value)) is not None:
         ratio = judge.known_sine_ratio(known_Hz, gains, near.following)
         best = near if ratio <= _KNOWN_RATIO else None
+    if best is not None and (device.by_diagnosis or settings.gain_error_percent is not None):
+        best = _careful(judge, gains, best, doubts, max(alone.value, best.value))
     holds = best is None or math.isfinite(problem.practitioner.evaluate(gains, best.following).value)
     shown = best or min(tried, key=lambda x: (not x.bounds_kept, bool(x.harm), x.value))
     scores = [
@@ -161,20 +161,26 @@ def device_of(settings: TuneSettings, known: Known | None) -> Device:
     return Device(known.gain_error_percent if percent is None else percent, frames if late is None else late, True)
 
 
-def _scored(
-    judge: PractitionerObjective, gains: Gains, following: Following, doubts: Sequence[Doubt], share: float
-) -> Scored:
-    """Score a candidate, with a share held back where a device as far off as it may be would pass without."""
+def _scored(judge: PractitionerObjective, gains: Gains, following: Following, doubts: Sequence[Doubt]) -> Scored:
     found = judge.evaluate(gains, following)
-    safe = judge.all_keep_overshoot(found)
-    if not safe and share > 0.0:
-        careful = replace(following, model=replace(following.model, held_back=share))
-        other = judge.evaluate(gains, careful)
-        if judge.all_keep_overshoot(other):
-            following, found, safe = careful, other, True
     kept = found.bounds_kept and judge.keeps_overshoot(gains, following)
     harmed = harm(doubts, gains, following, 100.0 * judge.priorities.overshoot_bound) if kept else ""
-    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed, safe)
+    return Scored(following, found.value, math.sqrt(found.nominal.metrics.mse_um2), kept, harmed)
+
+
+def _careful(judge: PractitionerObjective, gains: Gains, best: Scored, doubts: Sequence[Doubt], most: float) -> Scored:
+    """Return the candidate with so much held back that no device passes its bound that is as far off as it may be.
+
+    It stays as it is where that would cost it a bound, or make it worse than `most`.
+    """
+    bound = judge.priorities.overshoot_bound
+    cases = judge.evaluate(gains, best.following).cases
+    share = held_back(0.01 * max(x.metrics.overshoot_percent for x in cases), bound)
+    if not 0.0 < share < 1.0:
+        return best
+    model = replace(best.following.model, held_back=share)
+    found = _scored(judge, gains, replace(best.following, model=model), doubts)
+    return found if found.bounds_kept and not found.harm and found.value <= most else best
 
 
 def _known_frequency_Hz(problem: TuningProblem, gains: Gains) -> float:
