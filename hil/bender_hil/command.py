@@ -368,7 +368,8 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
     gains, limits, period_s = read_gains(path)
     if not 0.8 <= period_s * bench.rate_Hz <= 1.25:
         sys.stderr.write(
-            f"note: {path} was tuned for {1.0 / period_s:.3g} frames per second, the bench gives {bench.rate_Hz:.3g}\n"
+            f"note: {path} was tuned for {1.0 / period_s:.3g} frames per second, the bench gives {bench.rate_Hz:.3g}; "
+            f"`bender tune --rate {bench.rate_Hz:.3g}` tunes for it\n"
         )
     guard = bench.guard
     _check_gains(path, gains, limits)

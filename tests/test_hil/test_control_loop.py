@@ -47,6 +47,9 @@ class ScriptedEyes:
     def stalled_s(self) -> float:
         return self.stalled
 
+    def why_nothing(self) -> str:
+        return ""
+
 
 @dataclass
 class ScriptedGuard:

@@ -138,6 +138,9 @@ class PlannedEyes:
     def stalled_s(self) -> float:
         return 0.0
 
+    def why_nothing(self) -> str:
+        return ""
+
     def look(self, timeout_s: float) -> Sight | None:
         if not self.times_s or self.times_s[0] > self.now_s + timeout_s:
             self.now_s += timeout_s

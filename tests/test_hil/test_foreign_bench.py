@@ -6,6 +6,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -15,8 +16,11 @@ from foreign_bench.switchless import LabAmp
 from bender_hil.guard.guard import Status
 from bender_hil.guard.rules import Trip
 from bender_hil.guard.spares import Ended
+from bender_hil.runner import steadiness
 from bender_hil.runner.run import _explained
+from bender_hil.runner.steadiness import NoReadingsError, watched_at_rest
 from bender_hil.runner.tip_camera import CameraEyes
+from bender_hil.sensors.sensor import Reading
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sensors.table import SensorTable, conversion
 from bender_hil.sources.kinds import check_source, make_source
@@ -172,6 +176,43 @@ def test_a_head_that_cannot_be_closed_is_none():
 
     with pytest.raises(ValueError, match="without close"):
         SensorTable("laser_head", Half("127.0.0.1"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda: 1.0, "read gave 1.0, expected a Reading or None"),
+        (lambda: Reading(float("0=5.01"), time.perf_counter()), "could not convert string to float: '0=5.01'"),
+        (lambda: Reading(5.0, time.perf_counter() + 3600.0), "expected a time of time.perf_counter"),
+    ],
+)
+def test_a_sensor_of_another_package_that_errs_is_told_what_it_raised(
+    wrong: Callable[[], Any], told: str, monkeypatch: pytest.MonkeyPatch
+):
+    class Erring(LaserHead):
+        def make(self, rate_Hz: float) -> Any:
+            del rate_Hz
+            return SimpleNamespace(
+                unit="um", cannot=(), open=lambda: Identity("a", "b", "c", "d"), read=lambda _: wrong(), close=int
+            )
+
+    monkeypatch.setattr(steadiness, "LONGEST_S", 2.0)
+    sensor = Erring("127.0.0.1").make(30.0)
+    with SensorEyes(sensor, conversion(sensor.unit, None)) as eyes, pytest.raises(NoReadingsError) as refused:
+        watched_at_rest(eyes)
+    assert told in str(refused.value)
+    assert "picture" not in str(refused.value)
+
+
+def test_what_it_cannot_do_is_a_tuple_of_sentences():
+    class Texts(LaserHead):
+        def make(self, rate_Hz: float) -> Any:
+            sensor = LaserHead("127.0.0.1").make(rate_Hz)
+            sensor.cannot = "it has no range of its own"
+            return sensor
+
+    with pytest.raises(ValueError, match="cannot: found 'it has no range of its own', expected a tuple of sentences"):
+        SensorTable("laser_head", Texts("127.0.0.1"))
 
 
 def test_frames_that_waited_are_passed_over():

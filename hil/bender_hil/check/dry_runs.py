@@ -17,7 +17,7 @@ from bender_hil.log.read_run import RunLog
 from bender_hil.log.results import write_results
 from bender_hil.runner.program import OpenLoop
 from bender_hil.runner.run import RunResult, run
-from bender_hil.runner.steadiness import UnsteadyError
+from bender_hil.runner.steadiness import NoReadingsError, UnsteadyError
 from bender_hil.runner.voltages import Voltages
 from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_loop.errors import InputError, RunError
@@ -48,7 +48,7 @@ def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding],
     doing("dry run at 0 V")
     try:
         result = _run(bench, Voltages((0.0,), (0.0,), REST_S), out, fmu)
-    except NoSensorError as error:
+    except (NoSensorError, NoReadingsError) as error:
         return [Finding("sensor", FAILED, str(error), f"look at its cable, and at [sensor]; {_found_here()}")], None
     except InputError as error:
         advice = _TOO_SLOW if isinstance(error, UnsteadyError) else "correct the bench file"

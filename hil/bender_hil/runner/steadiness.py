@@ -34,6 +34,10 @@ class UnsteadyError(InputError):
     """Readings come too irregularly for any limit that is safe; nothing was switched on."""
 
 
+class NoReadingsError(UnsteadyError):
+    """Hardly any reading came; nothing was switched on."""
+
+
 @dataclass(frozen=True, slots=True)
 class Steadiness:
     """What the loop would have seen at rest.
@@ -74,7 +78,7 @@ def watched_at_rest(eyes: Eyes, fewest: int = FEWEST, *, clock: Callable[[], flo
         clock: of the readings.
 
     Raises:
-        UnsteadyError: not even two readings came.
+        NoReadingsError: not even two readings came.
     """
     ages_s: list[float] = []
     silences_s: list[float] = []
@@ -96,9 +100,9 @@ def watched_at_rest(eyes: Eyes, fewest: int = FEWEST, *, clock: Callable[[], flo
             newest_s = sight.grabbed_s
         before_s = now_s
     if fewest and not ages_s:
-        raise UnsteadyError(
-            f"the sensor gave {seen} readings in {LONGEST_S:g} s at rest; is it connected? A picture that is sent "
-            "again is no new one, unless [camera.settings] says repeats_count = true. Nothing was switched on"
+        why = eyes.why_nothing() or "is it connected?"
+        raise NoReadingsError(
+            f"the sensor gave {seen} readings in {LONGEST_S:g} s at rest: {why} Nothing was switched on"
         )
     return Steadiness(
         len(ages_s),

@@ -62,6 +62,10 @@ class Eyes(Protocol):
         """Age of the newest frame."""
         ...
 
+    def why_nothing(self) -> str:
+        """What may be the matter while nothing comes, as a sentence; empty where nothing is known."""
+        ...
+
 
 class CameraEyes:
     """Camera and tracker.
@@ -91,8 +95,8 @@ class CameraEyes:
                 grabbed_s = frame.grabbed_s
             elif time.perf_counter() > end_s:
                 raise RunError(
-                    f"the camera gave {len(images)} frames in {_FIRST_FRAME_S:g} s, expected {count}; is it connected? "
-                    "A picture that is sent again is no new one, unless [camera.settings] says repeats_count = true"
+                    f"the camera gave {len(images)} frames in {_FIRST_FRAME_S:g} s, expected {count}; "
+                    f"{self.why_nothing()}"
                 )
         self._tracker.zero(images)
         found = [tip for tip in map(self._tracker.locate, images) if tip.lost is None]
@@ -132,3 +136,10 @@ class CameraEyes:
     def stalled_s(self) -> float:
         """Age of the newest frame."""
         return self._camera.stalled_s()
+
+    def why_nothing(self) -> str:
+        """What the reader of a camera cannot tell apart."""
+        return (
+            "is it connected? A picture that is sent again is no new one, unless [camera.settings] says "
+            "repeats_count = true."
+        )

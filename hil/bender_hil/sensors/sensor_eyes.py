@@ -171,6 +171,10 @@ class SensorEyes:
         """What the sensor itself raised since its newest reading, empty where it raised nothing."""
         return self._failure
 
+    def why_nothing(self) -> str:
+        """What the sensor itself raised, as a sentence."""
+        return f"{self._failure}." if self._failure else ""
+
     def _hangs(self, values_um: list[float]) -> bool:
         return len(set(values_um)) == 1 and not self._repeats_count
 

@@ -75,3 +75,6 @@ def check_complete(made: object, protocol: type) -> None:
             f"make gave a {type(made).__name__} without {', '.join(missing)} "
             "(docs/how-to/write-a-source-or-sensor.md says what it needs)"
         )
+    cannot = getattr(made, "cannot", ())
+    if isinstance(cannot, str):
+        raise ValueError(f"{type(made).__name__}.cannot: found {cannot!r:.60}, expected a tuple of sentences")
