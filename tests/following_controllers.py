@@ -28,6 +28,7 @@ def late() -> Model:
     model = load_model("paper")
     for block_id, parameters in (
         ("transport_delay", {"delay_s": 0.03}),
+        ("backlash", {"half_width_um": 0.7}),
         ("creep", {"gains": (0.1,), "time_constants_s": (0.4,)}),
         ("thermal_drift", {"amplitude_um": 2.0, "time_constant_s": 1.0}),
         ("sensor_lag", {"time_constant_s": 0.005}),
