@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from bender_loop.control.metrics import SETTLING_BAND
 from bender_loop.control.pid import Gains
 from bender_loop.fmu.diagnosed import LEAST_GAIN_ERROR_PERCENT, Diagnosed, Known
 from bender_native.ready import ready_plant_fmu
@@ -63,6 +64,19 @@ def test_behind_a_dead_time_the_diagnosis_decides(unknown: tuple[Session, dict],
     assert [x.method for x in known[0].contenders][1] == METHOD
     alone, followed = known[0].recommendation.scores[:2]  # pyright: ignore[reportOptionalMemberAccess]
     assert followed.report.settling_time_s < 0.5 * alone.report.settling_time_s
+
+
+def test_of_a_device_that_may_answer_more_as_much_is_held_back_as_leaves_it_arrived(
+    known: tuple[Session, dict], unknown: tuple[Session, dict]
+):
+    """Of a device of which nothing is known nothing is held back."""
+    session = known[0]
+    assert session.following is not None
+    assert 0.0 < session.following.model.held_back < SETTLING_BAND
+    followed = session.recommendation.scores[1].report  # pyright: ignore[reportOptionalMemberAccess]
+    assert max(x.metrics.overshoot_percent for x in followed.cases) < 5.0 - 100.0 * session.following.model.held_back
+    tried = unknown[0].recommendation.tried  # pyright: ignore[reportOptionalMemberAccess]
+    assert {x.following.model.held_back for x in tried} == {0.0}
 
 
 def test_what_is_known_leaves_the_gains_as_robust_as_they_were(

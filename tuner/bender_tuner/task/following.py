@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bender_loop.control.metrics import SETTLING_BAND
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.shaper import rise_in
 from bender_loop.fmu.followed_model import FollowedModel
@@ -19,6 +20,8 @@ AS_SAFE = 1.1
 which no shaper helps, and where the search for gains has ended moves it by some hundredths."""
 AS_NEAR = 1.01
 """Up to so many times the least rms a calmer candidate is taken."""
+ARRIVED = 0.9
+"""Of the settling band, the most that is held back."""
 TOLERANCE_SHARE = 1e-4
 """Of the set-point: how near the inverse comes."""
 
@@ -61,8 +64,11 @@ def _shaped(model: FollowedModel, fmu: Path, setpoint_um: float, rise_s: float, 
 
 
 def held_back(overshoot: float, bound: float) -> float:
-    """Return the part of a movement to leave to the PID block so that an overshoot, as a share, comes to `bound`."""
-    return max(1.0 - (1.0 + bound) / (1.0 + overshoot), 0.0)
+    """Return the part of a movement to leave to the PID block so that an overshoot, as a share, comes to `bound`.
+
+    It is less than what counts as arrived: a device that is as its model settles as soon as if nothing were held back.
+    """
+    return min(max(1.0 - (1.0 + bound) / (1.0 + overshoot), 0.0), ARRIVED * SETTLING_BAND)
 
 
 @dataclass(frozen=True, slots=True)
