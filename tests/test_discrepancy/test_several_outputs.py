@@ -376,3 +376,22 @@ def test_a_factor_that_all_outputs_share_is_not_told_as_one_of_every_sensor(
     if other is not None:
         gains["b"] = RecalibratedNumber("gain", 1.0, other, 1e-4, "1")
     assert factors(gains, 2) == told
+
+
+@pytest.mark.parametrize(
+    ("after", "acting", "refused"),
+    [(0.0505, (), False), (0.0783, (), False), (0.0783, ("sensor_lag",), True), (2.5, (), True)],
+)
+def test_steps_of_the_corrected_fmu_may_change_an_output_on_which_nothing_acts(
+    after: float, acting: tuple[str, ...], refused: bool
+) -> None:
+    """Two outputs of an oven; its readings span 400 K, of which 0.5 % matter."""
+    span = SimpleNamespace(measured_um=np.array([293.0, 693.0]), reporting=np.array([True, True]))
+    search = SimpleNamespace(settings=SimpleNamespace(relevant=0.005), whole=[span])
+    diagnosis = SimpleNamespace(
+        findings=SimpleNamespace(search=search), gap=SimpleNamespace(recalibrated=SimpleNamespace(rms_um=0.051))
+    )
+    output = SimpleNamespace(name="chamber", diagnosis=diagnosis, floor=0.05)
+    way = SimpleNamespace(effects=frozenset(), behind={"chamber": Correction(acting, MODEL, 1)})
+    more = outputs._spoilt(output, after)  # type: ignore[arg-type]
+    assert (more > outputs._allowed(output, way)) == refused  # type: ignore[arg-type]

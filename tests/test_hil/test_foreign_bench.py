@@ -208,7 +208,7 @@ def test_what_it_cannot_do_is_a_tuple_of_sentences():
     class Texts(LaserHead):
         def make(self, rate_Hz: float) -> Any:
             sensor = LaserHead("127.0.0.1").make(rate_Hz)
-            sensor.cannot = "it has no range of its own"
+            setattr(sensor, "cannot", "it has no range of its own")  # noqa: B010
             return sensor
 
     with pytest.raises(ValueError, match="cannot: found 'it has no range of its own', expected a tuple of sentences"):

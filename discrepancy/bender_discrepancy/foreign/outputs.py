@@ -50,6 +50,7 @@ from bender_native.build import Way as Made
 from bender_native.compilers import own_platform
 from bender_native.container import Behind, Corrected, container_fmu, corrected_system, parameters_of
 from bender_plant.parameter import ModelError
+from bender_report.wording import quantity
 
 Array = NDArray[np.float64]
 MOST_STEPS = 400_000
@@ -72,6 +73,7 @@ class Together:
         why_no_fmu: why there is no corrected FMU of all outputs; None where there is.
         needing_inside: outputs that nothing around the FMU explains; None for all that found something inside.
         parameters: suspected ones that were off: name, value as given, value found, standard deviation, unit.
+        notes: what the corrected FMU changes of an output on which nothing acts, a sentence each.
     """
 
     by_itself: Mapping[str, Diagnosis]
@@ -81,6 +83,7 @@ class Together:
     why_no_fmu: str | None = None
     needing_inside: frozenset[str] | None = None
     parameters: tuple[tuple[str, float, float, float, str], ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def best(self) -> JointExplanation:
@@ -448,7 +451,8 @@ def _together(
         return Together(found, chosen, {}, {}, "nothing was corrected")
     content = _container(outputs, best.shared, behind, step_s)
     after = {x.name: _left(x, _read(x, content, step_s)).rms for x in outputs}
-    worse = [x.name for x in outputs if after[x.name] > x.diagnosis.gap.recalibrated.rms_um + 1e-2 * x.floor]
+    changed = {x.name: change for x in outputs if (change := _spoilt(x, after[x.name])) > 0.0}
+    worse = [x.name for x in outputs if changed.get(x.name, 0.0) > _allowed(x, best)]
     if worse:
         reason = f"calibration alone leaves less of {', '.join(worse)} than the corrected FMU"
         return Together(found, chosen, {}, after, reason)
@@ -458,7 +462,31 @@ def _together(
         "model.ssp": corrected_system(content, corrected, parameters),
         "model.ssv": parameter_file("corrected", {"": parameters}),
     }
-    return Together(found, chosen, files, after)
+    notes = tuple(
+        f"nothing acts on {x.name}; by itself the FMU answers differently to steps of {step_s:g} s, as the corrected "
+        f"one takes them: {quantity(changed[x.name], x.diagnosis.quantities.reading)} rms"
+        for x in outputs
+        if x.name in changed
+    )
+    return Together(found, chosen, files, after, notes=notes)
+
+
+def _spoilt(output: Output, after: float) -> float:
+    """Return the rms by which a corrected FMU leaves more of an output than calibration alone, 0 where it does not."""
+    before = output.diagnosis.gap.recalibrated.rms_um
+    return 0.0 if after <= before + 1e-2 * output.floor else float(np.sqrt(after**2 - before**2))
+
+
+def _allowed(output: Output, way: JointExplanation) -> float:
+    """Return how much more may be left of an output.
+
+    Where nothing acts on it, only the FMU's own answer to shorter communication steps can differ: of that as much may
+    stay as nobody misses. What acts has to pay.
+    """
+    if way.effects or way.behind[output.name].effects:
+        return 0.0
+    search = output.diagnosis.findings.search
+    return search.settings.relevant * max(float(np.ptp(x.measured_um[x.reporting])) for x in search.whole)
 
 
 def _with_line(output: Output, way: JointExplanation) -> Correction:

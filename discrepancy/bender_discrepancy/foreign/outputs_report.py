@@ -109,6 +109,7 @@ def content(found: Together, folders: Mapping[str, str]) -> dict[str, Any]:
         "threshold": found.ranked.threshold,
         "fmu": "model.fmu" if found.files else None,
         "no_fmu": found.why_no_fmu,
+        "notes": list(found.notes),
     }
 
 
@@ -176,6 +177,7 @@ def summary(found: Together) -> list[str]:
         lines.append(f"{name} by itself: {alone.verdict}, {effects}; held-out gap {left[0]} to {left[1]}{together}")
     if found.why_no_fmu:
         lines.append(f"no corrected FMU of all outputs: {found.why_no_fmu}")
+    lines += [f"note: {x}" for x in found.notes]
     return lines
 
 
@@ -218,11 +220,16 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
                 ),
                 table=Table(["on the input", "numbers of", "behind the outputs", "criterion"], ways,
                     stressed=frozenset({stressed})),
-                remarks=(f"There is no corrected FMU of all outputs: {found.why_no_fmu}.",) if found.why_no_fmu else (),
+                remarks=_remarks(found),
                 links=files,
             ),
         ],
     )  # fmt: skip
+
+
+def _remarks(found: Together) -> tuple[str, ...]:
+    none = (f"There is no corrected FMU of all outputs: {found.why_no_fmu}.",) if found.why_no_fmu else ()
+    return (*none, *(f"{x[0].upper()}{x[1:]}." for x in found.notes))
 
 
 def _found_section(rows: Sequence[Sequence[str]]) -> "Section":
