@@ -210,6 +210,7 @@ def summary_of(watcher: "Watcher", events: list[dict[str, Any]]) -> dict[str, An
             "trends": [asdict(x) for x in watcher.trend()],
             "baseline": watcher.baseline.facts(),
         }
+        | watcher.units
     )
 
 

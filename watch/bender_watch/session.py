@@ -27,6 +27,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_loop.shell.file_lock import locked
 from bender_loop.shell.files import check_directory, prepare_directory, write_atomically
+from bender_loop.tables.quantities import Quantities
 from bender_plant.model import Model, model_from_table
 from bender_watch.alarm.explain import Loop
 from bender_watch.baseline.expectation import OfFmu
@@ -40,7 +41,7 @@ from bender_watch.watcher import Event, Tell, Watcher
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
 LOCK = ".lock"
 SAVED_EVERY_S = 5.0
-FORMAT = 8
+FORMAT = 9
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 
@@ -180,7 +181,7 @@ class Session:
 
     def _learn(self, training: Record, name: str) -> None:
         self.watcher = self._watcher(self.model, training, name)
-        self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts()})
+        self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts(), **self.watcher.units})
 
     def _watcher(
         self,
@@ -272,9 +273,10 @@ class Session:
         columns: dict[str, Any] = {
             name.removeprefix("training."): x for name, x in arrays.items() if name.startswith("training.")
         }
+        training = Record(**columns, quantities=Quantities(*header["facts"]["quantities"]))
         model = model_from_table(header["facts"]["model"])
         like, drifts = Signatures.of(header["facts"]["signatures"]), header["facts"]["drifts"]
-        self.watcher = self._watcher(model, Record(**columns), "the training record", like, drifts=drifts)
+        self.watcher = self._watcher(model, training, "the training record", like, drifts=drifts)
         self.watcher.restore(header["facts"], arrays)
         self.source.position = self._position = header["position"]
         self._size, self._record, self.events = header["events"], header["record"], header["kept"]

@@ -16,6 +16,7 @@ from scipy.linalg import block_diag
 from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
+from bender_loop.tables.quantities import USUAL
 from bender_plant.model import Model
 from bender_watch.alarm.evidence import Evidence
 from bender_watch.alarm.explain import Explanation, Loop, explain, first_rows, not_diagnosed, record_since
@@ -185,7 +186,7 @@ class Watcher:
         """Explain an alarm that still waits, and say what the trends are."""
         while self._pending is not None and not self._pending.stands:
             yield from self._explained(is_end=True)
-        yield from (x.to_event() for x in self.trend())
+        yield from (x.to_event() | self.units for x in self.trend())
 
     def trend(self) -> list[Trend]:
         """Return the trends of gain and offset so far, relative to the first baseline."""
@@ -195,6 +196,12 @@ class Watcher:
     def _steady(self) -> list[str]:
         """What has a trend: none of that for which the training record itself is beyond the thresholds."""
         return [x for x, test in zip(OF, ("gain_error", "offset"), strict=True) if test not in self._raised]
+
+    @property
+    def units(self) -> Event:
+        """What an event says of the units that its numbers come in; nothing for V and um, as their names have it."""
+        command, reading, _ = self.training.quantities
+        return {} if (command, reading) == USUAL[:2] else {"units": [command, reading]}
 
     @property
     def _evidence(self) -> Evidence:
@@ -214,6 +221,7 @@ class Watcher:
             "deviations": self._deviations.tolist(),
             "silence": [self._silent_rows, self._silent_after, self._repeats],
             "offset_um": self.baseline.offset_um, "drifts": self.baseline.drift.is_followed,
+            "quantities": list(self.training.quantities),
             "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
@@ -376,7 +384,7 @@ class Watcher:
                     "event": "outside_training_range", "row": self.rows + k + 1, "time_s": float(rows.time_s[k]),
                     "voltage_V": float(rows.voltage_V[k]), "expected_um": float(expected[k]),
                     "range_V": [known.low_V, known.high_V], "range_um": [known.low_um, known.high_um],
-                }  # fmt: skip
+                } | self.units  # fmt: skip
             self._is_outside, self._inside, begin = True, 0, k + 1
 
     def _open(self) -> None:
@@ -410,7 +418,7 @@ class Watcher:
             "since": evidence.since(seen.places, onset),
             "suspects": suspects,
             "size": evidence.size("" if suspects else found.test, onset),
-        }
+        } | self.units
         if evidence.stands(first_row):
             event |= {"suspects": [], "advice": [ADVICE]}
         self._pending = Pending(event, found, first_row, self.settings.explain_rows)
@@ -472,7 +480,7 @@ class Watcher:
             "since": evidence.since(places, onset),
             "suspects": suspects,
             "size": evidence.size("" if suspects else waiting.exceedance.test, onset),
-        }
+        } | self.units
         if evidence.stands(int(rows[first])):
             found = not_diagnosed(ADVICE, (ADVICE,), len(self.history) - first)
             self.explanations.append(found)
@@ -515,7 +523,8 @@ class Watcher:
         """Learn anew from the rows since a change; those before it lead to where the device is. None for too few."""
         record = record_since(self.history, 0)
         counted = (self.history.column("judged") > 0.0) & (np.arange(len(record)) >= first)
-        record = replace(record, displacement_um=np.where(counted, record.displacement_um, np.nan))
+        read = np.where(counted, record.displacement_um, np.nan)
+        record = replace(record, displacement_um=read, quantities=self.training.quantities)
         if counted.sum() < FEWEST_TO_LEARN:
             return None
         return record, learn(
@@ -551,4 +560,6 @@ class Watcher:
         for found in self.trends.trends(self.settings.tolerance, self.baseline.stroke_um, 1.0 - wrong, untold):
             if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
-                yield found.to_event() | {"row": self.rows, "time_s": self._last[0] if self._last else None}
+                yield (
+                    found.to_event() | self.units | {"row": self.rows, "time_s": self._last[0] if self._last else None}
+                )

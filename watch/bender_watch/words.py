@@ -10,6 +10,10 @@ Event = dict[str, Any]
 WEEK_S, DAY_S, HOUR_S, MINUTE_S = 604800.0, 86400.0, 3600.0, 60.0
 
 
+KNOWN = 0.5
+"""Deviation of a size, as a part of it, from which on the size is not told."""
+
+
 def duration(seconds: float | None) -> str:
     """Return a time in the unit that suits it."""
     if seconds is None or not math.isfinite(seconds):
@@ -18,6 +22,14 @@ def duration(seconds: float | None) -> str:
         if seconds >= 2.0 * unit:
             return f"{seconds / unit:.3g} {name}"
     return f"{seconds:.3g} s"
+
+
+def _command(event: Event) -> str:
+    return event.get("units", ("V", "µm"))[0]
+
+
+def _reading(event: Event) -> str:
+    return event.get("units", ("V", "µm"))[1]
 
 
 def sentence(event: Event) -> str:
@@ -29,7 +41,7 @@ def _baseline(event: Event) -> str:
     raised = event["raised_by_training"]
     more = f"; raised by the training record itself: {', '.join(raised)}" if raised else ""
     return (
-        f"learned from {event['rows']} rows of {event['from']}: noise {event['noise_um']:.3g} µm rms, "
+        f"learned from {event['rows']} rows of {event['from']}: noise {event['noise_um']:.3g} {_reading(event)} rms, "
         f"{len(event['tests']) + 4} tests, one false alarm in {event['rows_between_false_alarms']:.3g} rows{more}"
     )
 
@@ -45,8 +57,8 @@ def _passed_over(event: Event) -> str:
 def _outside(event: Event) -> str:
     low, high = event["range_V"]
     return (
-        f"{event['time_s']:.6g} s: outside the training range ({event['voltage_V']:.4g} V, trained {low:.4g} to "
-        f"{high:.4g} V); not judged"
+        f"{event['time_s']:.6g} s: outside the training range ({event['voltage_V']:.4g} {_command(event)}, trained "
+        f"{low:.4g} to {high:.4g} {_command(event)}); not judged"
     )
 
 
@@ -67,10 +79,10 @@ def _size(event: Event) -> str:
         text = f"{size['lost_rows']} rows without a reading"
     elif "correlation" in size:
         text = f"noise that repeats itself ({size['correlation']:.2g})"
-    elif size.get("std_um") is None:
+    elif size.get("std_um") is None or not size["std_um"] < KNOWN * size["rms_um"]:
         text = "size not known yet"
     else:
-        text = f"{size['rms_um']:.3g} ± {size['std_um']:.2g} µm"
+        text = f"{size['rms_um']:.3g} ± {size['std_um']:.2g} {_reading(event)}"
     return f"{text}{', growing' if size['grows'] else ''}"
 
 
@@ -98,7 +110,7 @@ def _explained(event: Event) -> str:
         names = [
             f"{x['id']} ({x['grade']}, probability {chance(x.get('probability') or 0.0)})" for x in event["effects"][:3]
         ]
-        parts.append(f"{event['verdict']}{': ' + ', '.join(names) if names else ''}; {event['sentence']}")
+        parts.append(f"{event['verdict']}{': ' + ', '.join(names) if names else ''}; {event['sentence'].rstrip('.')}")
         loop = event["loop"]
         if loop:
             parts.append(f"loop: {_loop(loop['before'])}, now {_loop(loop['after'])}")
@@ -115,7 +127,7 @@ def _loop(figures: Event) -> str:
 
 
 def _trend(event: Event) -> str:
-    unit = " %" if event["of"] == "gain" else " µm"
+    unit = " %" if event["of"] == "gain" else f" {_reading(event)}"
     scale = 100.0 if event["of"] == "gain" else 1.0
     now = f"{event['of']} {scale * event['now']:+.3g}{unit}"
     if not event["significant"]:

@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 HELP = "false alarms, delay against the optimal test and the right effect, beside other detectors"
 SEED = 5800
+MOST_TIMED = 1e5
+"""Rows of the record whose watch is timed."""
 SHORT_EVERY = 1e6
 """Rows between two false alarms of the watch of a short record."""
 
@@ -38,13 +40,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--short-records", type=int, default=25, metavar="N",
         help="begun in motion or after a pause, of each of four devices (default: 25 each; 0: none)",
     )  # fmt: skip
-    parser.add_argument("--diagnose", action="store_true", help="diagnose every alarm: some minutes each")
+    parser.add_argument("--draws", type=int, default=1, metavar="N", help="of every change (default: 1)")
+    parser.add_argument(
+        "--diagnose", type=float, nargs="?", const=0.0, default=math.inf, metavar="SIZE",
+        help="diagnose the alarms of changes of this size and above (without one: of all), some 10 s each",
+    )  # fmt: skip
     parser.add_argument("--first-seed", type=int, default=SEED, metavar="N", help=f"of the draws (default: {SEED})")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Watch, print the tables, write watch.json; an interrupt keeps what was watched."""
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
 
     from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
@@ -63,21 +69,27 @@ def run(arguments: argparse.Namespace) -> int:
     sizes = arguments.sizes or SIZES
     model, training = load_model("paper"), quiet(seed).record(seed)
     baseline = learn(model, training, every)
-    how = Settings(rows_between_false_alarms=every, diagnose=arguments.diagnose, adopt=False)
+    how = Settings(rows_between_false_alarms=every, diagnose=False, adopt=False)
     status = 0
+    calm: dict[str, Any] = {}
     found: list[Trial] = []
     beside: list[Beside] = []
     short: list[Short] = []
     with Progress("watch benchmark") as bar:
-        devices = [quiet(seed + 1000 + k) for k in range(arguments.quiet_devices)]
-        calm = _quiet(arguments, model, training, baseline, how, devices, bar)
         try:
+            devices = [quiet(seed + 1000 + k) for k in range(arguments.quiet_devices)]
+            calm |= _speed(model, training, baseline, how, devices, arguments.quiet_rows)
+            for number, counted in enumerate(_quiet(arguments, baseline, devices), 1):
+                calm |= counted
+                bar.update(number, len(devices), "devices that do not change")
             changes: list[Change] = []
-            for (number, name), size, shape in product(enumerate(arguments.effects or EFFECTS), sizes, SHAPES):
-                change = changed(name, size, shape, seed + 10 + number)
+            effects = list(enumerate(arguments.effects or EFFECTS))
+            for draw, (number, name), size, shape in product(range(arguments.draws), effects, sizes, SHAPES):
+                change = changed(name, size, shape, seed + 10 + number + 100 * draw)
                 if change is not None:
                     changes.append(change)
-                    found.append(judged(model, training, baseline, change, how))
+                    own = replace(how, diagnose=size >= arguments.diagnose)
+                    found.append(judged(model, training, baseline, change, own))
                     bar.update(len(found), None, f"{name} {size:g} {shape}")
             if arguments.threshold_rows > 0.0:
                 beside = side_by_side(
@@ -94,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
             status = 130
     _print_tables(arguments, found, calm, short)
     if beside:
-        print_table(_beside_title(arguments, len(devices[0].clean_um)), *table(beside, sizes))
+        print_table(_beside_title(arguments, changes[0].added_um.size), *table(beside, sizes))
     lists = {"trials": found, "short": short, "side by side": beside}
     facts = {"quiet": calm} | {name: [asdict(x) for x in own] for name, own in lists.items()}
     write_result(out / "watch.json", finite(facts))
@@ -112,7 +124,7 @@ def _print_tables(
     title = f"Changes, one false alarm in {arguments.between_false_alarms:g} rows at most; delays in rows, medians"
     columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
     print_table(title, columns, [_row(x, [y for y in found if y.size == x]) for x in arguments.sizes or SIZES])
-    if calm["rows"]:
+    if calm:
         print_table("Devices that do not change", tuple(calm), [list(calm.values())])
     if short:
         print_table(f"Short records, one false alarm in {SHORT_EVERY:g} rows at most", *table_of_short(short))
@@ -126,42 +138,46 @@ def _beside_title(arguments: argparse.Namespace, rows: int) -> str:
     )
 
 
-def _quiet(
-    arguments: argparse.Namespace, model: Any, training: Any, baseline: Any, how: Any, devices: "list[Quiet]", bar: Any
-) -> dict[str, Any]:
-    """Watch devices that do not change: their false alarms with the 95 % interval of the rate, and rows a second.
-
-    What is expected of a plan is computed once; each repeat has noise of its own, and all are one record without an
-    end, as sums and windows of the tests see it. Rows a second are those of a whole watch.
-    """
-    from bender_studies.watching.others import Expected
-    from bender_studies.watching.side_by_side import Counted, alarms_without_end
+def _speed(model: Any, training: Any, baseline: Any, how: Any, devices: "list[Quiet]", rows: float) -> dict[str, float]:
+    """Watch one long record of a device that does not change; return rows a second, of a whole watch."""
+    from bender_studies.watching.devices import lasting
     from bender_watch.follow.rows import Rows
     from bender_watch.watcher import Watcher
 
-    alarms, rows, watched, busy_s = 0, 0, 0, 0.0
-    for number, device in enumerate(devices):
-        if not arguments.quiet_rows:
-            break
+    if not devices or not rows:
+        return {}
+    part = Rows.of(lasting(devices, int(min(rows, MOST_TIMED))))
+    watcher = Watcher(model, training, baseline, how)
+    began_s = time.process_time()
+    for _ in (*watcher.begin_record("quiet", part), *watcher.take(part)):
+        pass
+    return {"rows a second of one core": len(part) / (time.process_time() - began_s)}
+
+
+def _quiet(arguments: argparse.Namespace, baseline: Any, devices: "list[Quiet]") -> Iterator[dict[str, Any]]:
+    """Hold the tests against devices that do not change; yield what was counted so far, behind each of them.
+
+    What is expected of a plan is computed once; each repeat has noise of its own, and all are one record without an
+    end, as sums and windows of the tests see it.
+    """
+    from bender_studies.watching.others import Expected
+    from bender_studies.watching.side_by_side import Counted, alarms_without_end
+
+    alarms, rows = 0, 0
+    for number, device in enumerate(devices if arguments.quiet_rows else ()):
         record = device.record(arguments.first_seed + 300_000 + number)
         found, judged = alarms_without_end(
             Expected.of(baseline, record), device, arguments.quiet_rows, arguments.first_seed + 400_000 + number
         )
         alarms, rows = alarms + found, rows + judged
-        part, watcher = Rows.of(record), Watcher(model, training, baseline, how)
-        began_s = time.process_time()
-        watched += len(part) * bool([*watcher.begin_record("quiet", part), *watcher.take(part)])
-        busy_s += time.process_time() - began_s
-        bar.update(number + 1, len(devices), "devices that do not change")
-    counted = Counted.of(alarms, rows)
-    return {
-        "rows": rows,
-        "false alarms": alarms,
-        "expected at most": rows / arguments.between_false_alarms,
-        "one in rows, at least": counted.low,
-        "one in rows, at most": counted.high if alarms else None,
-        "rows a second of one core": watched / busy_s if busy_s else math.nan,
-    }
+        counted = Counted.of(alarms, rows)
+        yield {
+            "rows": rows,
+            "false alarms": alarms,
+            "expected at most": rows / arguments.between_false_alarms,
+            "one in rows, at least": counted.low,
+            "one in rows, at most": counted.high if alarms else None,
+        }
 
 
 def _row(size: float, trials: "Sequence[Trial]") -> list[Any]:

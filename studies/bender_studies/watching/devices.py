@@ -6,6 +6,7 @@ whole record is so many times the noise, rms.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,7 +18,7 @@ from bender_proving import chain
 from bender_proving.bench import stream
 from bender_proving.cases.effects import effect
 from bender_proving.cases.hidden import NOISE_UM, Hidden, Sensor
-from bender_proving.records.excitation import Excitation
+from bender_proving.records.excitation import Excitation, even
 from bender_proving.records.excitations import rich
 
 Array = NDArray[np.float64]
@@ -78,6 +79,13 @@ def quiet(seed: int) -> Quiet:
     """Return an excitation and what the device reads while all is well."""
     plan = rich(SENSOR, stream(seed, "watched"))
     return Quiet(plan, chain.readings_um(plan.commands)[plan.recorded])
+
+
+def lasting(devices: Sequence[Quiet], rows: int) -> Record:
+    """Return one record of so many rows, in which the excitations of devices follow each other again and again."""
+    voltage_V = np.concatenate([x.plan.voltage_V[x.plan.recorded] for x in devices])
+    plan = even(SENSOR, np.resize(voltage_V, rows))
+    return _recorded(plan, chain.readings_um(plan.commands)[plan.recorded], stream(rows, "watched, lasting"))
 
 
 def changed(name: str, size: float, shape: str, seed: int) -> Change | None:

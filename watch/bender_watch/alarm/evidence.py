@@ -1,6 +1,7 @@
 """What the last rows say of a change: since when, which signature, how large; and whether a reading moves at all."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 Facts = dict[str, Any]
 
 SUSPECTED = 3
+DECIDED = 0.5
+"""Weight of the first suspect from which on the size of a change is that along it."""
 LEAST_WEIGHT = 1e-3
 """Of a suspect: what is less likely beside the others is not told."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
@@ -84,7 +87,8 @@ class Evidence:
             for j in order.tolist()
             if weights[j] > LEAST_WEIGHT
         ]
-        return own[best], suspects
+        # along one of several that are as likely it is the size of nothing
+        return own[best] if weights[best] > DECIDED else replace(own[best], std=math.inf), suspects
 
     def since(self, places: NDArray[np.int64], onset: Onset) -> Facts:
         """Return rows and times of the beginning of a change, with their interval."""

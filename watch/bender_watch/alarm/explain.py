@@ -21,6 +21,8 @@ from bender_watch.alarm.loop_effect import LoopFigures, loop_figures, worth_tuni
 FEWEST_ROWS = 64
 NOISE_DEVIATIONS = 3.0
 """Deviations by which the mean square of the residual may exceed that of the noise."""
+OPEN = ("ambiguous", "unexplained")
+"""Verdicts that name nothing."""
 CALIBRATION = ("gain_error", "offset")
 
 
@@ -171,9 +173,12 @@ def not_diagnosed(why: str, told: tuple[str, ...], rows: int) -> Explanation:
 
 
 def advice(verdict: str, effects: Sequence[str], loop: tuple[LoopFigures, LoopFigures] | None) -> tuple[str, ...]:
-    """Return what to do, by where the change sits in the chain and by what it does to the loop."""
-    found = []
-    stages = {EFFECTS[x].stage for x in effects[:1] if x in EFFECTS}
+    """Return what to do, by where the change sits in the chain and by what it does to the loop.
+
+    Of effects that the rows cannot tell apart none says where to look.
+    """
+    found = ["record more of the device: these rows do not tell what has changed"] if verdict in OPEN else []
+    stages = {EFFECTS[x].stage for x in effects[:1] if x in EFFECTS} if verdict not in OPEN else set[str]()
     if verdict == "recalibrated" or "calibration" in stages:
         found.append("recalibrate the sensor, or take the corrected model")
     if "supply" in stages:
@@ -183,7 +188,7 @@ def advice(verdict: str, effects: Sequence[str], loop: tuple[LoopFigures, LoopFi
     if "structure" in stages:
         found.append("look at the clamp, the glue and what the tip carries")
     if "material" in stages:
-        found.append("the film itself has changed: take the corrected model, or replace the actuator")
+        found.append("the device's own material has changed: take the corrected model, or replace it")
     if "surroundings" in stages:
         found.append("look at the surroundings: temperature, draught, hum")
     if loop is not None and worth_tuning(*loop):

@@ -31,6 +31,7 @@ class _Fit:
 
     left: Array
     amplitude: float
+    std: float
     onset: Onset
 
 
@@ -60,7 +61,7 @@ def compared(
     numbers = np.where(np.arange(len(onsets)) < BESIDE, 1, 1 + BESIDE)
     likelihood = np.array([none - _bounded(x.left / scale) for x in fits]) - price * numbers
     moved = [
-        own if x.onset is own else replace(leading, amplitude=x.amplitude, std=own.std)
+        own if x.onset is own else replace(leading, amplitude=x.amplitude, std=x.std)
         for own, x in zip(onsets, fits, strict=True)
     ]
     return likelihood, moved
@@ -77,8 +78,8 @@ def _fit(e: Array, z: Array, place: int, onset: Onset, grows_only: bool) -> _Fit
     left, best = min(((e - own @ x, x) for x in fits), key=lambda x: _size(x[0]))
     if grows_only and best[0] < 0.0:
         beside = own[:, 1:]
-        return _Fit(e - beside @ _fitted(e, beside, e), 0.0, onset)
-    return _Fit(left, float(best[0]), onset)
+        return _Fit(e - beside @ _fitted(e, beside, e), 0.0, math.inf, onset)
+    return _Fit(left, float(best[0]), _scale(left) * math.sqrt(float(np.linalg.inv(_normal(own))[0, 0])), onset)
 
 
 def _fitted(e: Array, own: Array, start: Array) -> Array:
@@ -97,9 +98,12 @@ def _fitted(e: Array, own: Array, start: Array) -> Array:
 
 
 def _least_squares(own: Array, e: Array) -> Array:
+    return np.linalg.solve(_normal(own), own.T @ e).astype(np.float64)
+
+
+def _normal(own: Array) -> Array:
     normal = own.T @ own
-    size = np.maximum(np.diag(normal), 1e-300)
-    return np.linalg.solve(normal + np.diag(RIDGE * size + 1e-12), own.T @ e).astype(np.float64)
+    return normal + np.diag(RIDGE * np.maximum(np.diag(normal), 1e-300) + 1e-12)
 
 
 def _scale(left: Array) -> float:

@@ -47,7 +47,7 @@ def report_page(events: list[dict[str, Any]], watcher: "Watcher", facts: dict[st
             sections.append(_explained(event))
     if facts["trends"]:
         sections.append(_trends(facts["trends"]))
-    sections.append(_baseline(facts["baseline"]))
+    sections.append(_baseline(facts["baseline"], facts.get("units", ("V", "µm"))[1]))
     return render(Page("Watch", lead, cards, sections))
 
 
@@ -83,12 +83,12 @@ def _forecast(trend: dict[str, Any]) -> str:
     return forecast(trend)
 
 
-def _baseline(facts: dict[str, Any]) -> Section:
+def _baseline(facts: dict[str, Any], unit: str) -> Section:
     rows = [[name, ", ".join(effects) or "–"] for name, effects in facts["tests"].items()]
     raised = facts["raised_by_training"]
     told = [
-        f"{facts['rows']} rows; noise {facts['noise_um']:.3g} µm rms, of order {facts['order']}; "
-        f"gain × {facts['gain']:.4g}, offset {facts['offset_um']:+.3g} µm beside the model."
+        f"{facts['rows']} rows; noise {facts['noise_um']:.3g} {unit} rms, of order {facts['order']}; "
+        f"gain × {facts['gain']:.4g}, offset {facts['offset_um']:+.3g} {unit} beside the model."
     ]
     if raised:
         told.append(f"The training record itself goes beyond the thresholds of {', '.join(raised)}: these are raised.")
