@@ -209,6 +209,21 @@ def test_whatever_lag_slew_and_shaper_no_set_point_is_passed(lag_s: float, level
         assert max(share) < 1.0 + 1e-4
 
 
+@pytest.mark.parametrize("lag_s", [0.1, 0.3])
+def test_beside_a_short_dead_time_no_set_point_is_passed_either(lag_s: float):
+    """A first millisecond without an answer is a dead time to who looks at the answer alone."""
+    model, device = Lag(lag_s=lag_s, dead_steps=1), Lag(lag_s=lag_s, dead_steps=1)
+    made = follower(inverted=model, predictor=model, shaper=Shaper(), slew_V_per_s=60.0, lead_s=0.01, tolerance_um=1e-6)
+    memory, reading = rest(made), 0.0
+    for goal in (10.0, 3.0):
+        begin, share = reading, []
+        for _ in range(80):
+            memory = step(made, memory, goal, reading, PERIOD_S)
+            reading = device.step(memory.command_V, PERIOD_S)
+            share.append((reading - begin) / (goal - begin))
+        assert max(share) < 1.0 + 1e-3
+
+
 def _quickest(lag_s: float, from_V: float, to_V: float, change_V: float, count: int) -> np.ndarray:
     """Of all sequences that lead at full slew for n samples and a part, then back to the goal, the first that arrives;
     the answer of the lag at the samples, as a share of the way."""

@@ -202,7 +202,7 @@ def step(
         memory.slope_um_per_V,
         follower.tolerance_um,
     )
-    if follower.shaper is not None and follower.lead_s == 0.0 and change_V < math.inf:
+    if follower.shaper is not None and follower.lead_s < follower.period_s and change_V < math.inf:
         found = limit_overdrive(
             follower.inverted,
             begin,

@@ -15,9 +15,10 @@ RISE_TICKS = (1, 2, 3, 4, 5, 6, 8, 10)
 HORIZON_TICKS, MOST_TICKS = (1, 2), 64
 LONGER_RISES = (1, 1.5, 2, 3, 4)
 """The same in horizons, where those are longer."""
-AS_SAFE = 1.1
+AS_SAFE = 1.3
 """Up to so many times the least objective a candidate counts as good: the cases with a wrong gain rule the objective,
-which no shaper helps, and where the search for gains has ended moves it by some hundredths."""
+which no shaper helps. Where the search for gains has ended moves it by some hundredths; behind a play, which keeps
+what the noise has made of the tip, one shaper differs from itself by tenths."""
 AS_NEAR = 1.01
 """Up to so many times the least rms a calmer candidate is taken."""
 ARRIVED = 0.9
