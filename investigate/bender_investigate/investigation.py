@@ -356,7 +356,7 @@ class Investigation:
         if diagnosis.verdict == "no_gap":
             return None, "the model is confirmed, so its gains stay", None
         if diagnosis.verdict not in ("named", "recalibrated"):
-            return None, f"a verdict of {diagnosis.verdict} gives no model to tune on, the old gains stay", None
+            return None, why_not_tuned(diagnosis.verdict, self.out / f"diagnosis-{state.diagnoses}"), None
         if not is_written(diagnosis.findings, diagnosis.gap):
             return None, "the corrected model is no better than the recalibrated one, the old gains stay", None
         fmu = self.out / f"diagnosis-{state.diagnoses}" / FMU
@@ -457,3 +457,16 @@ class Investigation:
             diagnosis=f"diagnosis-{state.diagnoses}" if state.diagnoses else None,
             gains=gains,
         )
+
+
+def why_not_tuned(verdict: str, folder: Path) -> str:
+    """Return why an open verdict changes no gains, and what can be done with it.
+
+    Args:
+        verdict: neither `named` nor `recalibrated` nor `no_gap`.
+        folder: of the diagnosis.
+    """
+    why = f"a verdict of {verdict} gives no model to tune on, the old gains stay"
+    if verdict == "unexplained":
+        return f"{why}; {folder / 'report.html'} says where the residual lies"
+    return f"{why}; `bender tune --model {folder / 'model.toml'}` tunes on it all the same: try those gains yourself"

@@ -13,7 +13,7 @@ from bender_hil.command import OWN_GAINS
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.excitation import another_excitation
-from bender_investigate.investigation import LEFT_SHARE, Investigation
+from bender_investigate.investigation import LEFT_SHARE, Investigation, why_not_tuned
 from bender_investigate.journal import JOURNAL, DecisionJournal, check_decisions, read_decisions
 from bender_investigate.outcome import OUTCOME
 from bender_investigate.safety import Allowed, refusal
@@ -311,3 +311,17 @@ def trace(tip_um):
     count = len(tip_um)
     time_s = np.arange(count) / 30.0
     return Trace(time_s, np.full(count, 10.0), tip_um, tip_um, np.full(count, 20.0), False, time_s, tip_um)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "advice"),
+    [
+        ("likely", "`bender tune --model results/film/diagnosis-2/model.toml` tunes on it"),
+        ("ambiguous", "`bender tune --model results/film/diagnosis-2/model.toml` tunes on it"),
+        ("unexplained", "results/film/diagnosis-2/report.html says where"),
+    ],
+)
+def test_an_open_verdict_says_what_can_be_done_with_it(verdict, advice):
+    said = why_not_tuned(verdict, Path("results/film/diagnosis-2"))
+    assert said.startswith(f"a verdict of {verdict} gives no model to tune on, the old gains stay; ")
+    assert advice in said

@@ -22,7 +22,7 @@ from bender_tuner.task.following import Following
 from bender_tuner.task.practitioner import PractitionerObjective, PractitionerReport
 from bender_tuner.task.problem import silent
 from bender_tuner.task.recommendation import METHOD, RUNS_AWAY, device_of, recommend
-from bender_tuner.task.session import Session, open_guarded, pose_problem_in_units, run_session
+from bender_tuner.task.session import Session, how_to_follow, open_guarded, pose_problem_in_units, run_session
 from bender_tuner.task.settings import GAIN_ERROR_PERCENT, LATE_FRAMES, make_settings
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
@@ -171,3 +171,11 @@ def test_a_word_of_the_user_stands_and_a_diagnosis_never_widens(
     elif found.by_diagnosis and late is None and found.late_frames == 0:
         assert known.delay_error_s * rate_Hz < 0.5
     assert math.isfinite(found.gain_error_percent)
+
+
+def test_how_gains_that_follow_a_model_are_run_is_said():
+    gains = Path("results/tune/gains.toml")
+    said = how_to_follow(gains, foreign=False)
+    assert "`bender hil --gains results/tune/gains.toml`" in said
+    assert "`bender fmu controller results/tune/gains.toml`" in said
+    assert "fmu controller" not in how_to_follow(gains, foreign=True)

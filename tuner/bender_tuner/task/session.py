@@ -140,7 +140,7 @@ def hold_session(
         session = run_session(plant, facts, problem, bars, keep, follow_model=follow_model, doubted=lacking)
         bars.close()
         written = write_results(session, facts, out)
-        _print_results(session, written)
+        _print_results(session, written, foreign=foreign)
     return session
 
 
@@ -533,7 +533,7 @@ def _pictures(session: Session) -> dict[str, bytes | None]:
     return dict(zip(PICTURES, drawn, strict=True))
 
 
-def _print_results(session: Session, written: list[Path]) -> None:
+def _print_results(session: Session, written: list[Path], *, foreign: bool) -> None:
     settings = session.settings
     columns, rows = table_rows(session.contenders)
     print_table(relabelled(f"step to {settings.setpoint_um:g} µm"), columns, rows)
@@ -549,7 +549,21 @@ def _print_results(session: Session, written: list[Path]) -> None:
     if session.recommendation is not None:
         print_table("by what decides whether the model is followed", *recommendation_rows(session.recommendation))
         _say(session.recommendation.sentence)
+        if session.recommendation.following is not None and session.is_fit:
+            _say(how_to_follow(written[0], foreign=foreign))
     _say(*([] if can_draw() else [no_pictures()]), f"written: {', '.join(map(str, written))}")
+
+
+def how_to_follow(gains: Path, *, foreign: bool) -> str:
+    """Return how gains that follow a model are run: those above alone are the PID block without it.
+
+    Args:
+        gains: the file.
+        foreign: whether the model is somebody else's FMU, of which no controller FMU is made.
+    """
+    elsewhere = "" if foreign else f", in a loop of your own by the FMU of `bender fmu controller {gains}`"
+    here = f"with the model they run by `bender hil --gains {gains}`"
+    return f"the gains above are the PID block's share; {here}{elsewhere}"
 
 
 def _say(*lines: str) -> None:
