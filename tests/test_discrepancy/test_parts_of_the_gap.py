@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from reported_diagnosis import hypothesis, record_of, told
 
@@ -30,6 +30,7 @@ STEP_um = 1.5
 LAG, HUM = ("source_resistance", (0.06,)), ("periodic_disturbance", (0.3, 0.0, 1.3))
 
 
+@example(0.5, {"creep": 5e-324})
 @given(st.floats(0.0, 2.0), st.dictionaries(st.text(max_size=3), st.floats(-2.0, 2.0), min_size=1, max_size=5))
 def test_parts_are_no_less_than_nothing_and_add_up(closed: float, shares: dict[str, float]) -> None:
     found = split(closed, shares)

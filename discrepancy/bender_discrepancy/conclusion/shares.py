@@ -80,7 +80,7 @@ def split(closed: float, shares: Mapping[str, float]) -> dict[str, float]:
         return dict.fromkeys(shares, 0.0)
     if total == 0.0:
         return dict.fromkeys(shares, min(closed, 1.0) / max(len(shares), 1))
-    return {x: min(closed, 1.0) * share / total for x, share in positive.items()}
+    return {x: min(closed, 1.0) * (share / total) for x, share in positive.items()}
 
 
 def _players(hypothesis: Hypothesis) -> tuple[str, ...]:
