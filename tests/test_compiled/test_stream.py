@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from bender_compiled.parallel_map import THREADS, parallel_map
 from bender_compiled.simulation import Bounds, Drive, Simulator, own_bounds
 from bender_compiled.stream import Stream
-from bender_plant.model import load_model
+from bender_plant.model import Model, load_model
 from bender_plant.plant import Plant
 
 
@@ -164,6 +164,17 @@ def test_a_device_that_stood_at_a_voltage_reads_what_it_stood_at() -> None:
     moved = plant.step(state, 30.0, 0.0, 0.1)[1]
     found = stream.advance(np.array([0.0, 0.1]), np.array([30.0, 30.0]))[0]
     assert found == pytest.approx([stood, moved], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "model", [PAPER, PAPER.with_block("creep", gains=(0.1,), time_constants_s=(50.0,))], ids=["forgets", "creeps"]
+)
+def test_a_device_that_stands_reads_as_if_it_had_been_driven_all_the_time(model: Model) -> None:
+    driven, stood = Stream((model,)), Stream((model,))
+    driven.begin(-300.0, 20.0)
+    stood.stand(-300.0, 20.0, 0.0)
+    rows = np.array([0.0, 0.1, 0.2]), np.array([30.0, 10.0, 10.0])
+    assert stood.advance(*rows) == pytest.approx(driven.advance(*rows), abs=1e-9)
 
 
 def test_longer_sub_steps_miss_little() -> None:

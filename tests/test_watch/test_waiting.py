@@ -3,11 +3,12 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
-from bender_loop.records.record import read_record
+from bender_loop.records.record import Record, read_record
 from bender_plant.model import load_model
-from bender_watch.alarm.explain import Explanation
+from bender_watch.alarm.explain import Explanation, advice
 from bender_watch.baseline.learn import Baseline, learn
 from bender_watch.follow.rows import Rows
 from bender_watch.settings import Settings
@@ -40,6 +41,17 @@ def test_what_names_nothing_as_likely_beside_more_than_noise_or_others_is_no_exp
     assert explanation(left_um, 1000, effects).is_settled(NOISE_UM) == is_settled
 
 
+def test_a_calibration_beside_an_effect_that_the_rows_show_is_no_explanation() -> None:
+    found = explanation(1.03 * NOISE_UM, 1000)
+    assert not found.is_settled(NOISE_UM, suspected=True)
+    assert explanation(1.03 * NOISE_UM, 1000, (CREEP,)).is_settled(NOISE_UM, suspected=True)
+
+
+@pytest.mark.parametrize(("verdict", "told"), [("named", "the device's own material"), ("ambiguous", "record more")])
+def test_what_cannot_be_told_apart_says_nowhere_to_look(verdict: str, told: str) -> None:
+    assert [told in x for x in advice(verdict, ["creep", "thermal_drift"], None)] == [True]
+
+
 @pytest.fixture(scope="module")
 def baseline(device: Any) -> Baseline:
     return learn(MODEL, read_record(device.training), HOW.rows_between_false_alarms)
@@ -52,8 +64,12 @@ def watched(
     rows: list[int] = []
     left = iter(found)
 
-    def explained(_: Any, record: Any, *__: Any, **___: Any) -> Explanation:
-        rows.append(len(record))
+    def explained(_: Any, record: Record, since: int, *__: Any, **___: Any) -> Explanation:
+        # the rows before the change lead to it, and are not read
+        assert np.isfinite(record.displacement_um).sum() == since
+        assert np.isfinite(record.displacement_um)[-since:].all()
+        assert len(record) > since
+        rows.append(since)
         return next(left)
 
     monkeypatch.setattr("bender_watch.watcher.explain", explained)

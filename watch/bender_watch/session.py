@@ -182,6 +182,7 @@ class Session:
     def _learn(self, training: Record, name: str) -> None:
         self.watcher = self._watcher(self.model, training, name)
         self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts(), **self.watcher.units})
+        self.tell("watching")
 
     def _watcher(
         self,

@@ -19,7 +19,16 @@ from bender_loop.records.record import Record
 from bender_loop.tables.quantities import USUAL
 from bender_plant.model import Model
 from bender_watch.alarm.evidence import Evidence
-from bender_watch.alarm.explain import Explanation, Loop, explain, first_rows, not_diagnosed, record_since
+from bender_watch.alarm.explain import (
+    CALIBRATION,
+    Explanation,
+    Loop,
+    explain,
+    first_rows,
+    not_diagnosed,
+    record_since,
+    unread_before,
+)
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import wide_clip
 from bender_watch.alarm.still import ADVICE, NO_READING, repeats_of, silent_after
@@ -48,6 +57,10 @@ A_GAP = 1.5
 INSIDE_AGAIN = 64
 """Rows inside the training range after which an excursion is over, twice as many for each further one: every crest of a
 sine is no news, however slow it is."""
+LED_BY = 1000
+"""Rows before a change that lead the diagnosis to where the device was: it moved as its model until then."""
+SURE = 0.99
+"""Weight of all suspects other than level and gain from which on a calibration alone explains nothing."""
 MOST_WAITED = 4
 """Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 FEWEST_TO_LEARN = 256
@@ -489,7 +502,7 @@ class Watcher:
             return
         model = self.model
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
-            found = self._diagnosed(waiting, first, [x for y in suspects for x in y["effects"]], is_end=is_end)
+            found = self._diagnosed(waiting, first, suspects, is_end=is_end)
             if found is None:
                 self._pending = replace(waiting, rows=2 * waiting.rows)
                 return
@@ -507,17 +520,21 @@ class Watcher:
         if learned is not None:
             self._go_on(model, first, *learned)
 
-    def _diagnosed(self, waiting: Pending, first: int, names: list[str], *, is_end: bool) -> Explanation | None:
+    def _diagnosed(self, waiting: Pending, first: int, suspects: list[Event], *, is_end: bool) -> Explanation | None:
         """Return what a diagnosis of the rows since a change says; None where it has to wait for more of them."""
         assert self.model is not None
-        record = first_rows(every := record_since(self.history, first), waiting.rows)
-        self.tell(f"diagnosing {len(record)} rows since the change")
-        found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
+        names = [x for y in suspects for x in y["effects"]]
+        is_sure = sum(x["weight"] for x in suspects if not set(CALIBRATION) & {*x["effects"]}) > SURE
+        every, begin = len(self.history) - first, max(first - LED_BY, 0)
+        rows = min(waiting.rows, every)
+        record = unread_before(first_rows(record_since(self.history, begin), first - begin + rows), first - begin)
+        self.tell(f"diagnosing {rows} rows since the change")
+        found = explain(self.model, record, rows, self.loop, names, linear=self.settings.linear, tell=self.tell)
         noise = self.baseline.noise
         white = float(noise.spreads_um[-1] / noise.spreads_um[0]) ** 2
         most = min(MOST_WAITED * self.settings.explain_rows, KEPT)
-        is_last = 2 * waiting.rows > most or (is_end and len(every) == len(record))
-        return found if is_last or found.is_settled(self.baseline.noise_um, white) else None
+        is_last = 2 * waiting.rows > most or (is_end and rows == every)
+        return found if is_last or found.is_settled(self.baseline.noise_um, white, suspected=is_sure) else None
 
     def _learned(self, model: Model | None, first: int, *, drifts: bool) -> tuple[Record, Baseline] | None:
         """Learn anew from the rows since a change; those before it lead to where the device is. None for too few."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ class Explanation:
     left_um: float = math.nan
     diagnosis: Diagnosis | None = None
 
-    def is_settled(self, noise_um: float, white: float = 1.0) -> bool:
+    def is_settled(self, noise_um: float, white: float = 1.0, *, suspected: bool = False) -> bool:
         """Return whether the rows suffice: an effect is likely at least, or none is found and the residual is noise.
 
         A diagnosis learns the noise from the rows that it explains. The watch knows it from the training record, and
@@ -79,11 +79,12 @@ class Explanation:
         Args:
             noise_um: deviation of the noise.
             white: part of its variance that the last rows do not foretell.
+            suspected: an effect explains the rows better than level and gain do, by its signature.
         """
         most = 1.0 + NOISE_DEVIATIONS * math.sqrt(2.0 / max(self.rows * white, 1.0))
         if self.effects:
             return any(x["grade"] != "possible" for x in self.effects)
-        return not self.left_um > noise_um * math.sqrt(most)
+        return not suspected and not self.left_um > noise_um * math.sqrt(most)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what stands in the line of events."""
@@ -118,9 +119,17 @@ def first_rows(record: Record, rows: int) -> Record:
     return Record(**columns, quantities=record.quantities)
 
 
+def unread_before(record: Record, rows: int) -> Record:
+    """Return a record without its first readings; their commands lead to the others."""
+    read = record.displacement_um.copy()
+    read[:rows] = np.nan
+    return replace(record, displacement_um=read)
+
+
 def explain(
     base: Model,
     record: Record,
+    rows: int,
     loop: Loop | None,
     suspects: Sequence[str],
     *,
@@ -131,19 +140,20 @@ def explain(
 
     Args:
         base: the model that the device no longer is.
-        record: the rows since the change.
+        record: the rows since the change, behind those that lead to it without a reading.
+        rows: since the change.
         loop: that the device is in; None where nobody said.
         suspects: effects that the alarm itself suspects, the likeliest first.
         linear: the command runs straight from row to row.
         tell: is told what is being done.
     """
-    if len(record) < FEWEST_ROWS:
-        few = f"found {len(record)} rows since the change, a diagnosis takes {FEWEST_ROWS}"
-        return not_diagnosed(few, advice("", suspects, None), len(record))
+    if rows < FEWEST_ROWS:
+        few = f"found {rows} rows since the change, a diagnosis takes {FEWEST_ROWS}"
+        return not_diagnosed(few, advice("", suspects, None), rows)
     try:
         found = diagnose(base, [record], Settings(linear=linear), tell, ["the rows since the change"])
     except (InputError, RunError, ValueError, ArithmeticError) as error:
-        return not_diagnosed(str(error), advice("", suspects, None), len(record))
+        return not_diagnosed(str(error), advice("", suspects, None), rows)
     facts = found.to_dict()
     effects = tuple(x for x in facts["effects"])
     corrected = None if facts.get("fmu") is None or facts["verdict"] == "no_gap" else found.model
@@ -161,7 +171,7 @@ def explain(
         corrected,
         figures,
         told,
-        len(record),
+        rows,
         float(facts["gap"]["after"]["all_rms_um"]),
         found,
     )
