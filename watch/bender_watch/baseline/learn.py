@@ -38,6 +38,7 @@ MARGIN = 1.2
 """By which a threshold lies above the largest statistic of the training record itself, where that is the larger one."""
 BLOCKS = (16, 64, 256, 1024)
 FEWEST_BLOCKS = 4
+QUIETER = "quieter"
 BEYOND = 0.05
 """Of the span of commands, and of expected readings: that far outside the training range is still inside."""
 SEED = 58
@@ -490,7 +491,9 @@ def _quiet_on_training(baseline: Baseline, residual: Array, signatures: Array, u
             break
         if found.test in CUSUMS:
             limits = tests.cusum_limits.copy()
-            limits[CUSUMS.index(found.test)] = MARGIN * found.statistic
+            # a record that is quiet for long by itself, as one is whose device stands, foretells no end of that
+            is_quiet = found.test == QUIETER
+            limits[CUSUMS.index(found.test)] = np.inf if is_quiet else MARGIN * found.statistic
             tests = replace(tests, cusum_limits=limits)
         else:
             limits = tests.glr_limits.copy()
