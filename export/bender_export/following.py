@@ -145,6 +145,7 @@ def following_settings(tuned: Tuned, model: Model, host: Host) -> dict[str, Any]
         *(0.0 if bound == float("inf") else bound for bound in bounds),
         float(followed.horizon_ticks),
         followed.held_back,
+        followed.rms_um,
         followed.tolerance_um,
         tuned.period_s,
         float(host.latency_frames),

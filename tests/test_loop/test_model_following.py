@@ -391,8 +391,8 @@ def test_a_target_that_is_all_but_out_of_reach_takes_no_more_command_than_the_mo
 class CreepingPlay:
     """gain (v + creep) behind a play; the creep follows v within half a second. What it reads drifts."""
 
-    def __init__(self, drift_um_per_s: float = 0.0) -> None:
-        self.drift_um_per_s = drift_um_per_s
+    def __init__(self, drift_um_per_s: float = 0.0, creep: float = 0.8) -> None:
+        self.drift_um_per_s, self.creep = drift_um_per_s, creep
         self.reset()
 
     def reset(self) -> None:
@@ -403,7 +403,7 @@ class CreepingPlay:
 
     def step(self, voltage_V: float, step_s: float) -> float:
         self.time_s += step_s
-        self.creep_V += (0.8 * voltage_V - self.creep_V) * -math.expm1(-step_s / 0.5)
+        self.creep_V += (self.creep * voltage_V - self.creep_V) * -math.expm1(-step_s / 0.5)
         pushed = 0.5 * (voltage_V + self.creep_V)
         self.y = min(max(self.y, pushed - 1.0), pushed + 1.0)
         return self.read()
@@ -432,6 +432,19 @@ def test_a_play_stays_engaged_while_what_is_in_front_of_it_creeps(levels: tuple[
             missed.append(abs(reading - level))
         # a ramp leaves its rate over the integral gain of the loop
         assert max(missed[20:]) < 1.5 * 0.15 / (6.0 * 0.5)
+
+
+@pytest.mark.parametrize("margin_um", [0.0, 0.15])
+def test_within_its_margin_a_device_that_creeps_more_is_not_pushed_on(margin_um: float):
+    """A tip that is pushed on stays there until the whole play is crossed."""
+    model, device = CreepingPlay(), CreepingPlay(creep=0.82)
+    made = follower(inverted=model, predictor=model, shaper=None, gains=Gains(0.0, 0.0), margin_um=margin_um)
+    memory, readings = rest(made), [0.0]
+    for _ in range(60):
+        memory = step(made, memory, 10.0, readings[-1], PERIOD_S)
+        readings.append(device.step(memory.command_V, PERIOD_S))
+    pushed_um = readings[-1] - readings[1]
+    assert pushed_um < 1e-3 if margin_um else pushed_um > 0.05
 
 
 @settings(max_examples=15, deadline=None)

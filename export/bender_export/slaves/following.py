@@ -54,6 +54,10 @@ TABLE = (
         "inverse.held_back", "parameter", "tunable", "1", 0.0, 0.0, 0.99,
         "part of a movement that is left to the PID block, which answers for a device that answers more than its model",
     ),
+    Row(
+        "inverse.margin", "parameter", "tunable", "um", 0.0, 0.0, 1e12,
+        "distance kept from the edge of a play while the setpoint rests",
+    ),
     Row("inverse.tolerance", "parameter", "tunable", "um", 1e-3, 1e-9, 1e3, "how near the inverse comes to it"),
     Row("sampling.period", "parameter", "tunable", "s", 0.01, 1e-9, 1e9, "time between samples that is planned for"),
     Row(
@@ -170,7 +174,9 @@ class ModelFollowingController(Shell):
         """
         if self.follower is None:
             values = self.values
-            slew, rate, curvature, horizon, held_back, tolerance_um, period_s, latency, delay_s = values[_SLEW:]
+            slew, rate, curvature, horizon, held_back, margin_um, tolerance_um, period_s, latency, delay_s = values[
+                _SLEW:
+            ]
             self.follower = ModelFollower(
                 inverted=self.inverted,
                 predictor=self.predictor,
@@ -185,6 +191,7 @@ class ModelFollowingController(Shell):
                 command_delay_s=delay_s,
                 tolerance_um=tolerance_um,
                 held_back=held_back,
+                margin_um=margin_um,
             )
         return self.follower
 

@@ -18,8 +18,8 @@ an answer. What the model does not feel of it changes what the device remembers 
 the integral to the feedforward: the models then stand where the device stands when the reference moves again. The sum,
 which is the command, is the same. What creeps in front of a play carries the model away from the edge to which it was
 led, or back to it, and takes with it what the block has corrected; the reading shows nothing of that until it is too
-late. So while the reference rests the feedforward keeps its distance from that edge: none at first, then what the block
-has moved it by.
+late. So while the reference rests the feedforward keeps its distance from that edge: at first what model and reading
+are uncertain by, for a tip that is pushed on does not come back by itself, then what the block has moved it by.
 
 Voltage and slew limits are shared: the feedforward takes what it needs, the PID block gets the remainder, and its
 anti-windup works against that remainder.
@@ -81,6 +81,7 @@ class ModelFollower:
         command_delay_s: planned from the instant of a measurement until the command acts, less than a period.
         tolerance_um: how near the inverse comes to the reference.
         held_back: part of a movement from rest that is left to the block.
+        margin_um: distance kept from the edge of a play at first, what model and reading are uncertain by.
     """
 
     inverted: SavablePlant
@@ -97,6 +98,7 @@ class ModelFollower:
     command_delay_s: float = 0.0
     tolerance_um: float = 1e-3
     held_back: float = 0.0
+    margin_um: float = 0.0
 
     def __post_init__(self) -> None:
         if not (self.period_s > 0.0 and 0.0 <= self.command_delay_s < self.period_s):
@@ -109,8 +111,11 @@ class ModelFollower:
                 f"found horizon_ticks {self.horizon_ticks!r}, latency_frames {self.latency_frames!r}, lead_s "
                 f"{self.lead_s!r}, tolerance_um {self.tolerance_um!r}, expected >= 1, >= 0, >= 0, > 0"
             )
-        if not 0.0 <= self.held_back < 1.0:
-            raise ValueError(f"held_back must be from 0 to below 1, found {self.held_back!r}")
+        if not 0.0 <= self.held_back < 1.0 or not 0.0 <= self.margin_um < math.inf:
+            raise ValueError(
+                f"found held_back {self.held_back!r} and margin_um {self.margin_um!r}, expected from 0 to below 1, and "
+                "a finite length"
+            )
 
     @property
     def look_ahead_s(self) -> float:
@@ -221,12 +226,15 @@ def step(
     still = wanted_um == shaped.position_um == memory.shaped.position_um
     if still and way != 0.0 and abs(target_um - at_um) <= _THERE * follower.tolerance_um:
         # at the edge of a play the slope between two trials tells nothing of what lies beyond it
+        found = Inverted(found.voltage_V, found.reading_um, memory.slope_um_per_V)
         at = Inverted(found.voltage_V, at_um, memory.slope_um_per_V)
-        inside, aside_V = _inside(follower, begin, at, way, memory.feedforward_V - aside_V, aside_V)
+        inside, kept_V = _inside(follower, begin, at, way, memory.feedforward_V - aside_V, aside_V)
         if inside < math.inf:
             found, met = Inverted(min(max(inside, within[0]), within[1]), at_um, memory.slope_um_per_V), True
+            aside_V = kept_V
     else:
-        way, aside_V = math.copysign(1.0, target_um - at_um), 0.0
+        way, slope = math.copysign(1.0, target_um - at_um), found.slope_um_per_V
+        aside_V = -way * follower.margin_um / slope if slope > 0.0 else 0.0
     bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
     block, correction_V = memory.block, memory.command_V - memory.feedforward_V
     if measurement_um is not None:
