@@ -438,8 +438,8 @@ def test_a_play_stays_engaged_while_what_is_in_front_of_it_creeps(levels: tuple[
 def test_within_its_margin_a_device_that_creeps_more_is_not_pushed_on(margin_um: float):
     """A tip that is pushed on stays there until the whole play is crossed."""
     model, device = CreepingPlay(), CreepingPlay(creep=0.82)
-    changes: dict[str, object] = {"gains": Gains(0.0, 0.0), "tolerance_um": 1e-3, "margin_um": margin_um}
-    made = follower(inverted=model, predictor=model, shaper=None, **changes)
+    rests = Gains(0.0, 0.0)
+    made = follower(inverted=model, predictor=model, shaper=None, gains=rests, tolerance_um=1e-3, margin_um=margin_um)
     memory, readings = rest(made), [0.0]
     for _ in range(60):
         memory = step(made, memory, 10.0, readings[-1], PERIOD_S)
