@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs import diagnose_outputs as diagnose_records
-from bender_discrepancy.foreign.outputs_report import content, folders_of, sentence, write
+from bender_discrepancy.foreign.outputs_report import content, folders_of, joint_numbers, sentence, write
 from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.pickling import pickle_with_closures
 from bender_discrepancy.settings import Beginning, Settings
@@ -83,10 +83,20 @@ class OutputsDiagnosis:
         return content(self.outcome, folders_of(list(self.by_itself)))
 
     def to_frame(self) -> "DataFrame":
-        """Return the numbers of the effects of every output, one row each (needs pandas)."""
+        """Return the numbers of the effects of every output, one row each (needs pandas).
+
+        What only all outputs together put on one of them has the grade `together`.
+        """
         import pandas as pd
 
-        frames = {name: x.to_frame() for name, x in self.by_itself.items()}
+        frames = {}
+        for name, x in self.by_itself.items():
+            joint = [
+                {"effect": effect, "parameter": n.name, "value": n.value, "unit": n.unit, "in_model": True,
+                 "grade": "together"}
+                for effect, n in joint_numbers(self.outcome, name)
+            ]  # fmt: skip
+            frames[name] = pd.concat([y for y in (pd.DataFrame(joint), x.to_frame()) if len(y)] or [x.to_frame()])
         return pd.concat(frames, names=["output"]).reset_index(level="output").reset_index(drop=True)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -22,7 +22,7 @@ from bender_discrepancy.foreign.joint_explanations import (
     rank_explanations,
 )
 from bender_discrepancy.foreign.outputs import Together
-from bender_discrepancy.foreign.outputs_report import factors, sentence, titles
+from bender_discrepancy.foreign.outputs_report import factors, joint_numbers, sentence, titles
 from bender_discrepancy.search.result import Interrupted
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record
@@ -395,3 +395,17 @@ def test_steps_of_the_corrected_fmu_may_change_an_output_on_which_nothing_acts(
     way = SimpleNamespace(effects=frozenset(), behind={"chamber": Correction(acting, MODEL, 1)})
     more = outputs._spoilt(output, after)  # type: ignore[arg-type]
     assert (more > outputs._allowed(output, way)) == refused  # type: ignore[arg-type]
+
+
+def test_what_only_all_outputs_together_name_has_its_numbers() -> None:
+    lag = load_model("beam").with_block("sensor_lag", time_constant_s=60.0)
+    best = SimpleNamespace(each=False, behind={"wall": Correction(("sensor_lag",), lag, 1), "chamber": NOTHING})
+    alone = SimpleNamespace(added=(), quantities=Quantities("W", "K"))
+    told = SimpleNamespace(best=best, by_itself={"wall": alone, "chamber": alone})
+    [(effect, number)] = joint_numbers(told, "wall")  # type: ignore[arg-type]
+    assert (effect, number.name, number.value, number.unit) == ("sensor_lag", "time_constant_s", 60.0, "s")
+    assert joint_numbers(told, "chamber") == []  # type: ignore[arg-type]
+    rows = outputs_report._joint_rows(told, "wall", alone)  # type: ignore[arg-type]
+    assert [x[2:] for x in rows] == [["60 s", "all outputs together", "wall alone"]]
+    alone.added = (SimpleNamespace(id="sensor_lag"),)
+    assert joint_numbers(told, "wall") == []  # type: ignore[arg-type]

@@ -1,6 +1,7 @@
 """The loop over frequency: sensitivity functions against polynomials, and the picture of them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,4 +60,7 @@ def test_what_a_picture_shows():
     assert lowest_drawn_Hz(PLANT, 2.0 * math.pi) == pytest.approx(10.0**-1.5)
     assert 0.0 < lowest_drawn_Hz(PLANT, math.nan) < 0.01 / PERIOD_S
     assert loop_in_words(UNSTABLE).startswith("the nominal loop is unstable")
-    assert "phase margin" in loop_in_words(margins(GAINS, PLANT))
+    found = margins(GAINS, PLANT)
+    assert "phase margin" in loop_in_words(found)
+    assert "delay margin 24 ms;" in loop_in_words(replace(found, delay_margin_s=0.024))
+    assert "delay margin 24.3 s;" in loop_in_words(replace(found, delay_margin_s=24.322))

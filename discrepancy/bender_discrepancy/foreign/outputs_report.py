@@ -10,11 +10,12 @@ from bender_discrepancy.conclusion.findings import SIGNIFICANT, RecalibratedNumb
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.foreign.joint_explanations import EACH_BY_ITSELF, JointExplanation
 from bender_discrepancy.foreign.outputs import Together
+from bender_plant.parameter import meanings
+from bender_report.number import Number
 from bender_report.wording import figure, listed, quantity, shown_in, unit_text
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
-    from bender_report.number import Number
     from bender_report.page import Page, Section
 
 OUTPUTS, REPORT = "outputs.json", "report.html"
@@ -135,6 +136,8 @@ def _numbers(values: Mapping[str, float], effects: tuple[str, ...]) -> dict[str,
 
 def _output(found: Together, name: str, folder: str) -> dict[str, Any]:
     alone = found.by_itself[name]
+    behind = found.best.behind.get(name)
+    stages = None if behind is None else behind.stages
     return {
         "folder": folder,
         "by_itself": {
@@ -144,6 +147,7 @@ def _output(found: Together, name: str, folder: str) -> dict[str, Any]:
             "rivals": [x.id for x in alone.effects if x not in alone.added],
         },
         "on_this_output_alone": list(found.own[name]),
+        "parameters": {} if stages is None else _numbers(stages.values(), found.own[name]),
         "unit": alone.quantities.reading,
         "gap": {
             "recalibrated": alone.gap.recalibrated.rms_um,
@@ -192,7 +196,11 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         told = ["–" if x is None else quantity(x, unit, 3) for x in figures]
         rows.append([name, alone.verdict, titles(tuple(x.id for x in alone.added)), titles(found.own[name]), *told])
     columns = ["output", "by itself", "found", "of it alone", "recalibrated", "by itself", "together", "noise"]
-    numbers = [row for name, alone in found.by_itself.items() for row in _number_rows(found, name, alone)]
+    numbers = [
+        row
+        for name, alone in found.by_itself.items()
+        for row in (*_joint_rows(found, name, alone), *_number_rows(found, name, alone))
+    ]
     ways = [_way_row(x, found.best) for x in found.ranked.ways[:MOST_WAYS]]
     stressed = next((k for k, x in enumerate(found.ranked.ways[:MOST_WAYS]) if x is found.best), 0)
     files = [Link(x, x) for x in found.files]
@@ -237,7 +245,9 @@ def _found_section(rows: Sequence[Sequence[str]]) -> "Section":
 
     return Section(
         "What was found, by its numbers",
-        paragraphs=("By the readings of each output alone; ± is one standard deviation.",),
+        paragraphs=(
+            "By the readings of one output, or of all together; ± is one standard deviation, where it was estimated.",
+        ),
         table=Table(["effect", "number", "value", "by the readings of", "acts on"], rows),
     )
 
@@ -249,6 +259,28 @@ def _number_rows(found: Together, name: str, alone: "Diagnosis") -> list[list[st
             [title_of(x.id), _plain(n.name), _value(n), name, _place(found, name, x.id)]
             for x in alone.added
             for n in x.numbers
+        ]
+
+
+def joint_numbers(found: Together, name: str) -> list[tuple[str, Number]]:
+    """Return effects and numbers of what acts on one output alone by all outputs together, and not by itself."""
+    own, known = found.best.behind.get(name), {x.id for x in found.by_itself[name].added}
+    if own is None or own.stages is None or found.best.each:
+        return []
+    return [
+        (block.id, Number(field, value, meaning.unit))
+        for block in own.stages.blocks
+        if block.id in own.effects and block.id not in known
+        for field, meaning in meanings(block.parameters).items()
+        if isinstance(value := getattr(block.parameters, field), float) and value != 0.0
+    ]
+
+
+def _joint_rows(found: Together, name: str, alone: "Diagnosis") -> list[list[str]]:
+    with shown_in(*alone.quantities[:2]):
+        return [
+            [title_of(effect), _plain(n.name), _value(n), "all outputs together", f"{name} alone"]
+            for effect, n in joint_numbers(found, name)
         ]
 
 

@@ -76,9 +76,14 @@ def loop_in_words(found: Margins) -> str:
         return "the nominal loop is unstable: its sensitivity functions mean nothing"
     gain = "any" if math.isinf(found.gain_margin) else f"{found.gain_margin:.2g}"
     phase = "any" if math.isinf(found.phase_margin_deg) else f"{found.phase_margin_deg:.0f}°"
-    delay = "any" if math.isinf(found.delay_margin_s) else f"{1e3 * found.delay_margin_s:.0f} ms"
+    delay = "any" if math.isinf(found.delay_margin_s) else _time(found.delay_margin_s)
     peaks = f"Ms {found.sensitivity_peak:.2f}, Mt {found.complementary_peak:.2f}"
     return f"gain margin {gain}, phase margin {phase}, delay margin {delay}; peaks: {peaks}"
+
+
+def _time(seconds: float) -> str:
+    """Return a time in the unit that suits it."""
+    return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.3g} s"
 
 
 def _thinned(case: Case, gains: Gains, from_Hz: float) -> Sensitivities:
