@@ -48,8 +48,17 @@ def _move(stage: Path, out: Path) -> None:
         if not out.exists():
             os.replace(stage, out)
             return
-        for path in sorted(stage.iterdir()):
-            os.replace(path, out / path.name)
-        stage.rmdir()
+        _move_into(stage, out)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error}); choose another place") from error
+
+
+def _move_into(folder: Path, out: Path) -> None:
+    """Move what a folder holds; a folder that is there already takes up the files of the new one."""
+    for path in sorted(folder.iterdir()):
+        there = out / path.name
+        if path.is_dir() and there.is_dir():
+            _move_into(path, there)
+        else:
+            os.replace(path, there)
+    folder.rmdir()

@@ -180,6 +180,21 @@ def test_a_stage_replaces_what_it_makes_and_nothing_else(tmp_path: Path):
     assert {path.name: path.read_text() for path in out.iterdir()} == {"new.txt": "2", "old.txt": "mine"}
 
 
+def test_a_stage_with_folders_is_saved_again_into_the_same_place(tmp_path: Path):
+    """As a cell of a notebook that is run twice saves the diagnosis of several outputs."""
+    out = tmp_path / "both"
+    for words in ("1", "2"):
+        with all_or_no_files(out) as stage:
+            (stage / "tip").mkdir()
+            (stage / "tip" / "report.html").write_text(words)
+            (stage / "outputs.json").write_text(words)
+        (out / "tip" / "mine.txt").write_text("mine")
+    assert {x.name: x.read_text() for x in out.rglob("*") if x.is_file()} == {
+        "outputs.json": "2", "report.html": "2", "mine.txt": "mine",
+    }  # fmt: skip
+    assert not [x for x in out.iterdir() if x.name.endswith(".tmp")]
+
+
 def test_a_stage_that_fails_vanishes_with_what_was_made_for_it(tmp_path: Path):
     def fail() -> None:
         with all_or_no_files(tmp_path / "a" / "b" / "c") as stage:

@@ -12,7 +12,7 @@ bender bench check --bench bench.toml --out results/check"""
 STYLE = """
 .ended { border-left: 4px solid var(--good); padding: .5rem .75rem; margin: 1rem 0; font-weight: 600; }
 .ended.remarked { border-color: var(--caution); } .ended.tripped { border-color: var(--without); }
-.findings { table-layout: fixed; width: 100%; }
+.findings { table-layout: fixed; width: 100%; margin-bottom: 18px; }
 .findings td, .findings th { text-align: left; vertical-align: top; white-space: normal; overflow-wrap: anywhere; }
 .findings th:nth-child(1) { width: 22%; } .findings th:nth-child(2) { width: 5.5em; }
 .remark td:nth-child(2) { color: var(--caution); } .failed td:nth-child(2) { color: var(--without); font-weight: 600; }
