@@ -354,3 +354,10 @@ def test_a_damaged_picture_makes_no_library_speak(kind: str, tmp_path: Path, cap
         with contextlib.suppress(InputError):
             read_picture(tmp_path / "picture")
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_check_does_not_write_over_an_earlier_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "check.json").write_text("{}")
+    assert main(["bench", "check", "--out", str(tmp_path)]) == 2
+    assert "already holds a check; choose another directory with --out" in capsys.readouterr().err
+    assert (tmp_path / "check.json").read_text() == "{}"

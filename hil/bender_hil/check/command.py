@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     """Check a bench; returns 0 where nothing failed, 1 where something did.
 
     Raises:
-        InputError: the bench file is not fit, or the results cannot be written.
+        InputError: the bench file is not fit, or the results cannot be written or lie where others are.
     """
     from datetime import datetime
 
@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     from bender_hil.check.dry_runs import check_answer, check_at_rest, facts_of, noise_of
     from bender_hil.check.findings import FAILED, FINE, REMARK, Finding
     from bender_hil.runner.run_lock import sole_run_with_note
+    from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_atomically, write_result
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import answer
@@ -56,6 +57,8 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     else:
         bench.load_sensor_calibration()
     out: Path = arguments.out or Path("results") / f"check-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    if (out / "check.json").exists() or (out / "rest").exists():
+        raise InputError(f"{out}: already holds a check; choose another directory with --out")
     prepare_directory(out)
     name = "the emulated bench" if arguments.bench is None else str(arguments.bench)
     findings = [Finding("bench file", FINE, f"{name} can be read")]
