@@ -30,7 +30,7 @@ from bender_tuner.model.scaled_plant import ScaledPlant
 from bender_tuner.results.summary import kind_line
 from bender_tuner.results.tuning_file import FmuFacts
 from bender_tuner.task.contenders import line_up
-from bender_tuner.task.following import MOST_TICKS, Following, Scored, candidates, choose
+from bender_tuner.task.following import AS_SAFE, MOST_TICKS, Following, Scored, candidates, choose
 from bender_tuner.task.practitioner import Priorities
 from bender_tuner.task.problem import pose_problem
 from bender_tuner.task.search_space import SearchSpace, edges
@@ -357,7 +357,11 @@ def test_a_known_reference_takes_no_horizon_that_is_worse_than_the_block_alone()
 
 
 def test_what_breaks_a_bound_or_is_worse_with_a_wrong_gain_is_not_taken():
-    broken, fragile, sound = scored(600.0, 1, 0.5, kept=False), scored(300.0, 1, 0.6, value=1.2), scored(60.0, 1, 1.0)
+    broken, fragile, sound = (
+        scored(600.0, 1, 0.5, kept=False),
+        scored(300.0, 1, 0.6, value=1.01 * AS_SAFE),
+        scored(60.0, 1, 1.0),
+    )
     assert model_of(choose([broken, fragile, sound])).rate_um_per_s == 60.0
     assert choose([broken, scored(1.0, 1, 1.0, value=math.inf)]) is None
 
