@@ -111,3 +111,19 @@ def test_losses_as_long_as_those_of_the_training_record_are_no_alarm() -> None:
     assert silent_after(read) == 64
     read[100:130] = np.nan
     assert silent_after(read) == 120
+
+
+def shaken(seed: int, rows: int) -> Record:
+    """Return a record of a device that is shaken for 1500 rows and stands then; shaken it is not quite its model."""
+    rng, time = np.random.default_rng(seed), np.arange(rows) / RATE_Hz
+    voltage = np.where(time < 1500 / RATE_Hz, 20.0 * np.sin(1.3 * time) + 10.0 * np.sin(4.1 * time), 0.0)
+    clean = Simulator(Drive.of_rows(time, voltage)).run(MODEL).reading_um
+    astray = 0.3 * rng.standard_normal(rows) * (np.abs(voltage) > 0.0)
+    return Record(time, voltage, clean + astray + 0.01 * rng.standard_normal(rows))
+
+
+def test_a_device_that_stands_for_longer_than_in_its_training_record_is_no_quieter_one() -> None:
+    training = shaken(1, 3000)
+    known = training, learn(MODEL, training, HOW.rows_between_false_alarms)
+    events = watched(known, shaken(2, 12_000), 12_000)
+    assert not [x for x in events if x["event"] == "alarm"]

@@ -72,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     how = Settings(rows_between_false_alarms=every, diagnose=False, adopt=False)
     status = 0
     calm: dict[str, Any] = {}
+    changes: list[Change] = []
     found: list[Trial] = []
     beside: list[Beside] = []
     short: list[Short] = []
@@ -82,7 +83,6 @@ def run(arguments: argparse.Namespace) -> int:
             for number, counted in enumerate(_quiet(arguments, baseline, devices), 1):
                 calm |= counted
                 bar.update(number, len(devices), "devices that do not change")
-            changes: list[Change] = []
             effects = list(enumerate(arguments.effects or EFFECTS))
             for draw, (number, name), size, shape in product(range(arguments.draws), effects, sizes, SHAPES):
                 change = changed(name, size, shape, seed + 10 + number + 100 * draw)

@@ -20,7 +20,7 @@ from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
 from bender_watch.baseline.signatures import Group, distinct_groups
 from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, QUIET_CLIP, Detector, Noise, Tests, make_tests
-from bender_watch.sequential.kernel import CUSUMS
+from bender_watch.sequential.kernel import CUSUMS, QUIET_REFERENCE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,7 +38,6 @@ MARGIN = 1.2
 """By which a threshold lies above the largest statistic of the training record itself, where that is the larger one."""
 BLOCKS = (16, 64, 256, 1024)
 FEWEST_BLOCKS = 4
-QUIETER = "quieter"
 BEYOND = 0.05
 """Of the span of commands, and of expected readings: that far outside the training range is still inside."""
 SEED = 58
@@ -322,7 +321,10 @@ def _tests(
     colours = np.column_stack([np.append(np.zeros(k), e[:-k]) for k in range(1, len(COLOURS) + 1)])
     own = np.sqrt(_astray(colours, e) ** 2 + 1.0 / count)
     square = np.clip(e, -QUIET_CLIP, QUIET_CLIP) ** 2
-    factors = [_unsteady(x, white.kept) for x in (e, e, square, square)]
+    factors = np.array([_unsteady(x, white.kept) for x in (e, e, square, square)])
+    if _largest_sum(QUIET_REFERENCE - square[white.kept]) >= tests.cusum_limits[-1]:
+        # a record that is quiet for long by itself, as one is whose device stands, foretells no end of that
+        factors[-1] = np.inf
     return replace(tests, allowances=np.append(allowances, own), cusum_limits=tests.cusum_limits * factors)
 
 
@@ -456,6 +458,12 @@ def _astray(z: Array, e: Array) -> Array:
     return found
 
 
+def _largest_sum(score: Array) -> float:
+    """Return how far a cumulative sum of a score (n,) rises that begins anew at nought."""
+    total = np.cumsum(np.append(0.0, score))
+    return float(np.max(total - np.minimum.accumulate(total)))
+
+
 def _unsteady(score: Array, usable: Mask) -> float:
     """Return by how many times the variance of sums of a score is larger than that of independent rows, 1 at least.
 
@@ -491,9 +499,7 @@ def _quiet_on_training(baseline: Baseline, residual: Array, signatures: Array, u
             break
         if found.test in CUSUMS:
             limits = tests.cusum_limits.copy()
-            # a record that is quiet for long by itself, as one is whose device stands, foretells no end of that
-            is_quiet = found.test == QUIETER
-            limits[CUSUMS.index(found.test)] = np.inf if is_quiet else MARGIN * found.statistic
+            limits[CUSUMS.index(found.test)] = MARGIN * found.statistic
             tests = replace(tests, cusum_limits=limits)
         else:
             limits = tests.glr_limits.copy()
