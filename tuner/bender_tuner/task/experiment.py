@@ -28,7 +28,7 @@ class Moves(NamedTuple):
     """What becomes of a set-point that moves up, half of it down, and up again.
 
     Attributes:
-        overshoot_percent: the largest, each of its own way; inf for a runaway.
+        overshoot_percent: the largest, of the way up; inf for a runaway.
         settling_time_s: the longest; inf where a move does not settle.
         rms_um: from the set-point.
     """
@@ -90,7 +90,7 @@ class StepExperiment:
             for begin_s, level_um in zip(course.times_s, levels_um, strict=True)
         ]
         return Moves(
-            max(x.overshoot_percent for x in found),
+            max(x.overshoot_percent * height for x, height in zip(found, (1.0, _DOWN, _DOWN), strict=True)),
             max(math.inf if math.isnan(x.settling_time_s) else x.settling_time_s for x in found),
             _rms_um(trace),
         )
