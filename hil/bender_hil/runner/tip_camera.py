@@ -138,7 +138,7 @@ class CameraEyes:
         return self._camera.stalled_s()
 
     def why_nothing(self) -> str:
-        """What the reader of a camera cannot tell apart."""
+        """Say what keeps a camera from being read: no connection, or pictures that are sent again."""
         return (
             "is it connected? A picture that is sent again is no new one, unless [camera.settings] says "
             "repeats_count = true."

@@ -33,8 +33,8 @@ that was a few milliseconds later than the models believe would look like an err
 
 A device may answer more than its model. The part of every movement by which it may is held back: the inverse aims at so
 much less, the block compares the reading with a prediction of so much more, and gives the rest as soon as its loop lets
-it. A movement of the tip that is too long by that part is then no overshoot; the price are a few per cent of it that
-come as late as the loop brings them.
+it. A movement of the tip that is too long by that part is then no overshoot; the price is that the part held back comes
+as late as the loop brings it.
 
 Standard library only: the file is carried inside the controller FMU, as are those that it imports.
 """

@@ -282,7 +282,7 @@ def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loo
         frame_weights=loop.frame_weights,
         command_delay_s=loop.command_delay_s,
         tolerance_um=model.tolerance_um,
-        # nobody would give out what is held back of a known reference, or without an integral
         margin_um=model.rms_um,
+        # nothing would give out what is held back of a known reference, or without an integral
         held_back=0.0 if loop.preview or gains.integral_V_per_um_s == 0.0 else model.held_back,
     )

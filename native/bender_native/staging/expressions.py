@@ -308,7 +308,7 @@ def _tuple(context: Context, node: ast.Tuple) -> Any:
             value = evaluate(context, part.value)
             if isinstance(value, Ring | Slice):
                 if part is not node.elts[-1]:
-                    return refuse("a list of unknown length amid a tuple")
+                    return refuse("a list of unknown length before the end of a tuple")
                 return WithTail(tuple(items), value)
             items += sequence(value)
         else:

@@ -185,7 +185,7 @@ def not_diagnosed(why: str, told: tuple[str, ...], rows: int) -> Explanation:
 def advice(verdict: str, effects: Sequence[str], loop: tuple[LoopFigures, LoopFigures] | None) -> tuple[str, ...]:
     """Return what to do, by where the change sits in the chain and by what it does to the loop.
 
-    Of effects that the rows cannot tell apart none says where to look.
+    An open verdict names no effect: there the advice is to record more.
     """
     found = ["record more of the device: these rows do not tell what has changed"] if verdict in OPEN else []
     stages = {EFFECTS[x].stage for x in effects[:1] if x in EFFECTS} if verdict not in OPEN else set[str]()
