@@ -13,8 +13,10 @@ from bender_discrepancy.records.noise import (
     LOG_FLOOR_RATIO,
     QUIET_MEDIAN,
     deviation,
+    end_of_rests,
     from_differences,
     from_quiet_spectra,
+    from_rests,
     from_spectrum,
     from_stretches,
     noise_floor_um,
@@ -206,3 +208,38 @@ def test_rows_that_are_missing_leave_a_grid_even(step_s: float, seed: int) -> No
     assert bin_s(time_s) == pytest.approx(step_s)
     jittered = time_s + 0.1 * step_s * np.random.default_rng(seed).random(time_s.size)
     assert not are_even(jittered)
+
+
+@given(rows_a_level=st.integers(6, 12), after_step=st.floats(5.0, 50.0), seed=st.integers(0, 1000))
+@settings(max_examples=25)
+def test_what_follows_every_step_of_a_staircase_is_no_noise(rows_a_level: int, after_step: float, seed: int):
+    rows = np.arange(600)
+    since = rows % rows_a_level
+    command = (rows // rows_a_level).astype(float)
+    left = np.random.default_rng(seed).standard_normal(rows.size) + after_step * (since < rows_a_level // 3)
+    usable = np.ones(rows.size, dtype=bool)
+    assert noise_floor_um(left, usable, end_of_rests(command)) == pytest.approx(1.0, rel=0.4)
+
+
+def test_of_white_noise_the_rows_at_rest_hardly_ever_say_less():
+    rng, resting = np.random.default_rng(17), end_of_rests(np.arange(600) // 6)
+    usable = np.ones(600, dtype=bool)
+    draws = [rng.standard_normal(600) for _ in range(400)]
+    less = [noise_floor_um(x, usable, resting) < noise_floor_um(x, usable) for x in draws]
+    # three errors on one side
+    assert sum(less) <= 4
+
+
+@given(st.lists(st.tuples(st.sampled_from([0.0, 1.0, 2.0]), st.integers(1, 9)), min_size=1, max_size=20))
+def test_the_end_of_a_rest_follows_rows_of_the_same_command(held: list[tuple[float, int]]):
+    command = np.repeat([x for x, _ in held], [n for _, n in held])
+    resting = end_of_rests(command)
+    assert not resting[0]
+    for row in np.flatnonzero(resting):
+        assert command[row] == command[row - 1]
+
+
+def test_a_command_that_never_rests_has_no_rows_at_rest():
+    usable, command = np.ones(600, dtype=bool), np.arange(600.0)
+    assert not end_of_rests(command).any()
+    assert np.isnan(from_rests(np.ones(600), usable, end_of_rests(command))[0])

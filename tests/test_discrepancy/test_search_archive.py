@@ -21,6 +21,7 @@ from bender_discrepancy.records.observations import hardly_steps, observe
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search import transfer
 from bender_discrepancy.search.archive import Archive, left_square
+from bender_discrepancy.search.explore import explore_beside_each
 from bender_discrepancy.search.judgement.grades import Graded, grade
 from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
 from bender_discrepancy.search.judgement.verdict import decide
@@ -44,7 +45,7 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_identify.first_model.structures import Structure
 from bender_loop.records.record import Record, read_record
-from bender_plant.model import load_model
+from bender_plant.model import load_model, model_from_table
 from bender_proving.devices.record import draw
 
 PAPER = load_model("paper")
@@ -494,3 +495,44 @@ def test_many_numbers_lead_where_they_leave_far_less_than_few(search: SearchResu
     leaders = leading_fits([plain, flexible])
     assert (leaders[0] is flexible) == (first == "flexible")
     assert len(leaders) == 2
+
+
+STAIRS_V = np.concatenate([np.arange(0.0, 51.0), np.arange(49.0, -1.0, -1.0)]).repeat(6)
+"""Six rows a level: what follows every step fills most of the record."""
+HIDING_EACH_OTHER = {
+    "transport_delay": {"delay_s": 0.06},
+    "rate_independent_hysteresis": {
+        "thresholds_V": (1.5, 4.0, 8.0, 14.0),
+        "weights_um_per_V": (0.04, 0.03, 0.03, 0.02),
+    },
+}
+PLAIN = model_from_table(
+    {
+        "format": 1,
+        "name": "plain",
+        "block": [
+            {"id": "linear_transduction", "sensitivity_um_per_V": 0.46},
+            {"id": "bending_modes", "first_frequency_Hz": 118.0, "damping_ratio": 0.03},
+            {"id": "calibration"},
+        ],
+    }
+)
+
+
+def test_two_effects_that_hide_each_other_are_sought_as_a_pair() -> None:
+    record = record_of(PLAIN, HIDING_EACH_OTHER, STAIRS_V)
+    loop = ("Bouc-Wen", (-0.075, 0.08, -0.06))
+    found = told([record], hypothesis(PLAIN, [record], loop), base=PLAIN).found
+    catalogue = Catalogue((Kit(None, tuple(candidate_forms(PLAIN, found.archive.problem.observations))),))
+    best = explore_beside_each(found.archive, catalogue, [found.best], found.best.training_square)
+    leader = min(best, key=lambda x: x.training_square)
+    assert set(leader.hypothesis.effects) == set(HIDING_EACH_OTHER)
+    assert leader.hypothesis.parts[-1].values[0] == pytest.approx(0.06, abs=0.004)
+    assert explore_beside_each(found.archive, catalogue, [found.best], 0.0) == []
+
+
+@pytest.mark.slow
+def test_a_staircase_of_quick_levels_shows_a_loop_and_a_delay() -> None:
+    record = record_of(PLAIN, HIDING_EACH_OTHER, STAIRS_V)
+    found = search_records(PLAIN, [record], Settings())
+    assert set(found.best.hypothesis.effects) == set(HIDING_EACH_OTHER)

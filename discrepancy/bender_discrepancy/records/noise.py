@@ -5,6 +5,9 @@ ringing does not. The median of the periodogram sees what most frequencies hold:
 them, a slow structure few as well. The quietest quarter of short stretches sees the residual while nothing happens. The
 same quarter by the median of each one's periodogram sees it where a hum fills every stretch, and steps are missed that
 fill every frequency of the whole. All err upwards when structure is left, so the smallest one is the floor.
+
+A staircase of few rows a level leaves something after every step, in all of these. The rows at the end of each level
+differ by noise alone: where they say clearly less, they are the floor.
 """
 
 import math
@@ -30,6 +33,10 @@ _MOST_STRETCHES = 4096
 QUIET_MEDIAN = 0.4942
 """Lower quartile of `quiet_medians` of white noise of deviation 1, from 400 000 draws."""
 _QUIET = 0.25
+_FEWEST_RESTING = 100
+_DEVIATION_ERROR = 1.43
+"""Times one over the root of so many differences of neighbours: the error of their deviation by the median."""
+_CLEARLY = 3.0
 SAME_SIMULATION, ROUNDED = 1e-6, 1e-6
 """Of the span: what sub-steps of other lengths differ by. Of a digit: what a conversion of units leaves of rounding."""
 
@@ -89,6 +96,23 @@ def from_quiet_spectra(residual: Array, usable: Mask) -> float:
     return float(np.sqrt(np.quantile(quiet_medians(stretches), _QUIET) / QUIET_MEDIAN))
 
 
+def end_of_rests(command: Array) -> Mask:
+    """Return which rows (n,) follow another one in the second half of a stretch in which the command rests."""
+    begins = np.concatenate([[True], command[1:] != command[:-1]])
+    firsts: NDArray[np.intp] = np.flatnonzero(begins)
+    lengths = np.diff(np.append(firsts, command.size))
+    since = np.arange(command.size) - np.repeat(firsts, lengths)
+    return since > np.repeat(lengths, lengths) // 2
+
+
+def from_rests(residual: Array, usable: Mask, resting: Mask) -> tuple[float, float]:
+    """Return the deviation of white noise that neighbours show while the command rests, and its relative error."""
+    differences = np.diff(residual)[usable[1:] & usable[:-1] & resting[1:]]
+    if differences.size < _FEWEST_RESTING:
+        return float("nan"), float("nan")
+    return deviation(differences) / math.sqrt(2.0), _DEVIATION_ERROR / math.sqrt(differences.size)
+
+
 def quiet_medians(stretches: Array) -> Array:
     """Return the median of each stretch's periodogram, shape (stretches,), a straight line taken off each."""
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _SPECTRAL_STRETCH), 2))
@@ -104,8 +128,13 @@ def interpolated(residual: Array, usable: Mask) -> Array:
     return np.interp(rows, rows[usable], residual[usable])
 
 
-def noise_floor_um(residual: Array, usable: Mask) -> float:
+def noise_floor_um(residual: Array, usable: Mask, resting: Mask | None = None) -> float:
     """Return the noise floor of a residual, in its unit.
+
+    Args:
+        residual: (n,) of one record.
+        usable: (n,) rows that count.
+        resting: (n,) rows that differ from the one before by noise alone, as `end_of_rests` finds them.
 
     Raises:
         ValueError: fewer than 16 rows count.
@@ -115,7 +144,11 @@ def noise_floor_um(residual: Array, usable: Mask) -> float:
     if not estimates:
         raise ValueError("found fewer than 16 rows with a reading, expected enough to estimate the noise")
     positive = [x for x in estimates if x > 0.0]
-    return min(positive) if positive else 0.0
+    floor = min(positive) if positive else 0.0
+    if resting is None:
+        return floor
+    at_rest, error = from_rests(residual, usable, resting)
+    return at_rest if 0.0 < at_rest < (1.0 - _CLEARLY * error) * floor else floor
 
 
 def least_noise_um(readings_um: Array, *, steps: bool) -> float:

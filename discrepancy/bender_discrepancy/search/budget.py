@@ -9,6 +9,7 @@ class Budget:
 
     Attributes:
         beam: hypotheses that another effect is tried on.
+        wide: hypotheses that one quickly scanned effect is tried on, where a step on those leaves structure.
         patience: steps in turn that bring nothing.
         rough_first, rough_later: effects that are fitted roughly, on the model as given and on one with an effect.
         fitted_first, fitted_later: of these, effects that are fitted to the end.
@@ -34,6 +35,7 @@ class Budget:
     """
 
     beam: int = 3
+    wide: int = 12
     patience: int = 1
     rough_first: int = 14
     rough_later: int = 8

@@ -17,7 +17,7 @@ from bender_discrepancy.fitting.starts import Start as Promise
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.moves import Catalogue, Move, Scan, Start
+from bender_discrepancy.search.moves import Catalogue, Move, Scan, Start, add
 
 ELSEWHERE = 0.05
 """Of a number: a valley of the misfit is wider, as a rule."""
@@ -45,6 +45,43 @@ def explore(archive: Archive, catalogue: Catalogue, parents: Sequence[Fitted], m
         if isinstance(x, Scan):
             found += _from_scan(archive, x, [*parents, *found])
     return found
+
+
+def explore_beside_each(
+    archive: Archive, catalogue: Catalogue, parents: Sequence[Fitted], least: float
+) -> list[Fitted]:
+    """Return fits of the best of what one quickly scanned effect more promises on any of many hypotheses.
+
+    Two effects that hide each other take little off alone: neither leads, and only what the pair leaves shows it.
+
+    Args:
+        archive: keeps the fits.
+        catalogue: what may be chosen from.
+        parents: the hypotheses.
+        least: sum of squares on the training rows below which a promise is worth a fit.
+    """
+    promised: dict[frozenset[str], tuple[float, Hypothesis]] = {}
+    for parent in parents:
+        for scan in add(archive, catalogue, parent):
+            if isinstance(scan, Scan):
+                _promise_quickly(archive, scan, promised)
+    best = sorted((x for x in promised.values() if x[0] < least), key=lambda x: x[0])[: BUDGET.fitted_later]
+    return archive.add(parallel_map(lambda x: fit(archive.problem, x[1]), best))
+
+
+def _promise_quickly(archive: Archive, scan: Scan, promised: dict[frozenset[str], tuple[float, Hypothesis]]) -> None:
+    """Keep the best promise of every set of effects, of forms of one number or of numbers that are solved for."""
+    try:
+        beside = standing(archive.problem, scan.parent)
+    except np.linalg.LinAlgError:
+        return
+    forms = [x for x in scan.forms if len(x.free) == 1 or _is_solved(x)]
+    for form, starts in zip(forms, _scans(archive, scan.parent, forms, beside, 1), strict=True):
+        for start in starts:
+            hypothesis = scan.parent.hypothesis.plus(form, start.values)
+            effects = frozenset(hypothesis.effects)
+            if effects not in promised or start.square < promised[effects][0]:
+                promised[effects] = start.square, hypothesis
 
 
 def _from_starts(archive: Archive, starts: Sequence[Hypothesis], parents: Sequence[Fitted]) -> list[Fitted]:

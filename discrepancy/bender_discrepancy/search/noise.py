@@ -12,7 +12,7 @@ import numpy as np
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.noise import floor_ratio_limit, least_noise_um, noise_floor_um
+from bender_discrepancy.records.noise import end_of_rests, floor_ratio_limit, least_noise_um, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.outliers import FAR
 from bender_discrepancy.records.spectrum import without_line
@@ -78,7 +78,7 @@ def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confid
     and its own share of the rows.
     """
     every = shares_of_noise(fitted, problem)
-    for judged in (True,) if fitted.hypothesis.parts else (True, False):
+    for judged in (True, False):
         rows = [int((x.judging if judged else x.searched).sum()) for x in problem.observations]
         noise = noise_um**2 * sum(x * n for x, n in zip(every, rows, strict=True)) / max(sum(rows), 1)
         most = floor_limit(problem, confidence, judged=judged) * floor_square_um2(problem, math.sqrt(noise))
@@ -99,7 +99,10 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
 
 def _floor_squares(fitted: Fitted, problem: FitProblem) -> list[float]:
     rows = zip(fitted.residuals, problem.observations, strict=True)
-    left = [(without_line(x.time_s, np.nan_to_num(r), x.searched), x.searched) for r, x in rows]
+    left = [
+        (without_line(x.time_s, np.nan_to_num(r), x.searched), x.searched, end_of_rests(x.course_V)[x.places])
+        for r, x in rows
+    ]
     least = (least_noise_um(x.measured_um[x.searched], steps=x.half_step_um == 0.0) for x in problem.observations)
     return [max(noise_floor_um(*x), y) ** 2 for x, y in zip(left, least, strict=True)]
 

@@ -16,7 +16,7 @@ from bender_discrepancy.fitting.own_numbers import changes_as_effects, form_with
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.explore import explore
+from bender_discrepancy.search.explore import explore, explore_beside_each
 from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2, is_special_case
 from bender_discrepancy.search.moves import ADJUST, AGAINST, BESIDE, GROW, POLISH, Catalogue, Move
 from bender_discrepancy.search.transfer import best_carried
@@ -76,6 +76,8 @@ def search(
         tell(f"step {depth}: trying {len(catalogue.kits[0].forms)} forms on {len(beam)} models")
         if not (found := _grown(archive, catalogue, beam)):
             break
+        if depth > 1:
+            found += _beside_others(archive, catalogue, rules, min(found, key=lambda x: x.training_square), beam)
         leader = archive.set_aside(min(found, key=lambda x: x.training_square))
         leader = improved(archive, catalogue, rules, leader, ADJUST)
         if depth == 1 and (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
@@ -87,6 +89,8 @@ def search(
         beam = leading_fits(
             [x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(archive, x)]
         )
+    if best.hypothesis.parts and not stopped and rules.is_finished(archive, _base(archive, best), best):
+        _replaced(archive, catalogue, rules, best)
     best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
@@ -217,12 +221,27 @@ def _is_simpler(one: Fitted, other: Fitted) -> bool:
 def _is_as_good(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, best: Fitted, effects: set[str]) -> bool:
     if not simple.hypothesis.keeps_shown_of(best.hypothesis):
         return False
+    if _stands_in(archive, rules, simple, best):
+        return False
     if simple.hypothesis.parts and rules.is_small(archive, base, simple):
         return True
     if len(simple.hypothesis.parts) < len(effects) and not rules.is_material(archive, base, simple, best):
         return True
     is_far = left_square(simple) > BUDGET.behind * archive.square(best) * archive.problem.all_rows
     return not is_far and not rules.is_preferred(archive, best, simple)
+
+
+def _stands_in(archive: Archive, rules: Rules, simple: Fitted, best: Fitted) -> bool:
+    """Return whether a hypothesis leaves more than noise where another one, that is no richer form of it, does not.
+
+    What several numbers more remove beside the same effects may be what the forms of these leave. What a single number
+    removes to the noise is an effect, and so is what others leave without any of these.
+    """
+    one, other = simple.hypothesis, best.hypothesis
+    more = [x for x in other.parts if x.form.effect not in one.effects]
+    if set(one.effects) <= set(other.effects) and any(len(x.values) > 1 for x in more):
+        return False
+    return bool(more) and rules.leaves_noise(archive, best) and not rules.leaves_noise(archive, simple)
 
 
 def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> list[Fitted]:
@@ -245,6 +264,52 @@ def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> li
         least = min((x.training_square for x in more), default=math.inf)
         is_far = is_far or least <= BUDGET.enough * parent.training_square
     return found
+
+
+def _beside_others(
+    archive: Archive, catalogue: Catalogue, rules: Rules, leader: Fitted, stepped: Sequence[Fitted]
+) -> list[Fitted]:
+    """Return hypotheses of one effect more than some have, on others of as many, where the leader leaves structure.
+
+    Args:
+        archive: keeps the fits.
+        catalogue: what may be chosen from.
+        rules: the constants that decide.
+        leader: what leaves least so far.
+        stepped: the hypotheses that need no step.
+    """
+    if rules.leaves_noise(archive, leader):
+        return []
+    known = {frozenset(x.hypothesis.effects) for x in stepped}
+    depth = max(len(x.hypothesis.parts) for x in stepped)
+    others = [
+        x
+        for x in archive.fits
+        if len(x.hypothesis.parts) == depth
+        and frozenset(x.hypothesis.effects) not in known
+        and rules.is_in_range(archive, x)
+    ]
+    more = explore_beside_each(archive, catalogue, _every_kind(others), leader.training_square)
+    leaders = leading_fits(more) if more else []
+    return more + explore(archive, catalogue, leaders, BESIDE)
+
+
+def _replaced(archive: Archive, catalogue: Catalogue, rules: Rules, best: Fitted) -> None:
+    """Try two effects in the place of one that leaves little, but more than noise: it may stand in for them."""
+    found = _beside_others(archive, catalogue, rules, best, [best])
+    if found:
+        leader = archive.set_aside(min(found, key=lambda x: x.training_square))
+        improved(archive, catalogue, rules, leader, ADJUST)
+
+
+def _every_kind(fits: Sequence[Fitted]) -> list[Fitted]:
+    """Return the best fit of few and of many numbers of different effects, best first."""
+    best: dict[tuple[object, ...], Fitted] = {}
+    for x in sorted(fits, key=lambda x: x.training_square):
+        structure, last = x.hypothesis.structure, x.hypothesis.parts[-1]
+        key = None if structure is None else structure.name, frozenset(x.hypothesis.effects)
+        best.setdefault((*key, len(last.values) > BUDGET.few_numbers), x)
+    return list(best.values())[: BUDGET.wide]
 
 
 def _root(archive: Archive, catalogue: Catalogue, rules: Rules) -> Fitted:
