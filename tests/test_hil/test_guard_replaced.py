@@ -1,16 +1,19 @@
 """A guard that is lost: only a word is a confirmation, and the spare one switches off before it writes."""
 
+import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Self
 
 import pytest
 from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
@@ -294,6 +297,22 @@ def supply(running: EmulatedSupply) -> EmulatedSupply:
     return running
 
 
+def test_the_supply_is_ready_when_nobody_who_was_dropped_comes_again(supply: EmulatedSupply):
+    def come_twice() -> None:
+        for stay_s in (10.0, 0.2):
+            there = socket.create_connection(("127.0.0.1", supply.port), timeout=stay_s)
+            with there as stream, contextlib.suppress(TimeoutError):
+                assert not stream.recv(1)
+            time.sleep(0.1)
+
+    visitor = threading.Thread(target=come_twice, daemon=True)
+    visitor.start()
+    while not supply.truth()["is_busy"]:
+        time.sleep(0.005)
+    supply.make_ready()
+    assert not visitor.is_alive()
+
+
 @pytest.mark.parametrize("obstacle", few(["folder removed", "every name taken", "a file instead"], 0))
 def test_a_journal_that_cannot_be_opened_does_not_keep_the_spare_from_switching_off(
     supply: EmulatedSupply, tmp_path: Path, obstacle: str
@@ -428,80 +447,115 @@ CANNOT_START = (
 )
 
 
-def _orphaned(supply: EmulatedSupply, folder: Path, then: str = LEAVES) -> tuple["subprocess.Popen[str]", int]:
-    """A controller of its own, which waits at 30 V for its standard input; and the pid of its guard."""
-    code = (
-        "import sys, time, os\n"
-        "from bender_hil.guard.settings import GuardOrders\nfrom bender_hil.guard.start import GuardProcess\n"
-        "guard = GuardProcess(GuardOrders.from_json(sys.stdin.readline()))\n"
-        "for tick in range(20):\n"
-        "    guard.command(tick, min(30.0, 3.0 * tick), time.perf_counter(), 0.0)\n    time.sleep(0.02)\n"
-        "print(guard.process.pid, flush=True)\n"
-        f"{then}"
-    )
-    with (folder / "complaints").open("wb") as stream:
-        child = subprocess.Popen(
-            [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, text=True
+class Orphaned:
+    """A controller of its own, which waits at 30 V for its standard input, and what it and all that it started say.
+
+    On leaving, everybody who holds its standard error has ended: no guard of one test comes to the supply of the next.
+
+    Attributes:
+        process: of the controller.
+        guard: pid of its guard.
+    """
+
+    def __init__(self, supply: EmulatedSupply, folder: Path, then: str = LEAVES) -> None:
+        code = (
+            "import sys, time, os\n"
+            "from bender_hil.guard.settings import GuardOrders\nfrom bender_hil.guard.start import GuardProcess\n"
+            "guard = GuardProcess(GuardOrders.from_json(sys.stdin.readline()))\n"
+            "for tick in range(20):\n"
+            "    guard.command(tick, min(30.0, 3.0 * tick), time.perf_counter(), 0.0)\n    time.sleep(0.02)\n"
+            "print(guard.process.pid, flush=True)\n"
+            f"{then}"
         )
-    assert child.stdin is not None
-    assert child.stdout is not None
-    patient = replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)
-    child.stdin.write(orders(supply.resource, folder, patient).to_json() + "\n")
-    child.stdin.flush()
-    return child, int(child.stdout.readline())
+        pipe = subprocess.PIPE
+        words = [sys.executable, "-c", code]
+        self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        self._said: list[str] = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        patient = replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)
+        self.write(orders(supply.resource, folder, patient).to_json())
+        self.guard = int(self.line())
 
+    def __enter__(self) -> Self:
+        return self
 
-def _complaint(folder: Path, words: str, limit_s: float) -> str:
-    end_s = time.perf_counter() + limit_s
-    while words not in (text := (folder / "complaints").read_text()) and time.perf_counter() < end_s:
-        time.sleep(0.02)
-    return text
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        self._reader.join(timeout=40.0)
+        assert not self._reader.is_alive(), "somebody whom the controller started lives on"
+        for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
+            if stream is not None:
+                stream.close()
+
+    def write(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def line(self) -> str:
+        assert self.process.stdout is not None
+        return self.process.stdout.readline()
+
+    def complaint(self, words: str, limit_s: float) -> str:
+        """Return what has been said, as soon as `words` are in it."""
+        end_s = time.perf_counter() + limit_s
+        while words not in (text := "".join(self._said)) and time.perf_counter() < end_s:
+            time.sleep(0.02)
+        return text
+
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self._said.append(line)
 
 
 def test_an_orphan_that_cannot_switch_off_shouts(supply: EmulatedSupply, tmp_path: Path):
     """The controller is gone, the output stays on: the guard itself is the first to say so."""
-    child, _ = _orphaned(supply, tmp_path)
-    with child:
+    with Orphaned(supply, tmp_path) as orphaned:
         supply.fault("stuck_on")
-        child.kill()
-    assert UNKNOWN in _complaint(tmp_path, UNKNOWN, QUICK.shutdown_limit_s + QUICK.discharge_limit_s + 3.0)
+        orphaned.process.kill()
+        limit_s = QUICK.shutdown_limit_s + QUICK.discharge_limit_s + 3.0
+        assert UNKNOWN in orphaned.complaint(UNKNOWN, limit_s)
+        # the watchman tries again, and finds it as it is by then
+        supply.reset()
+        assert "the output is off" in orphaned.complaint("no guard", 15.0)
+    assert_off(supply)
 
 
 @pytest.mark.parametrize("between_s", few([0.0, 0.02, 0.1], 0))
 def test_controller_and_guard_killed_one_after_the_other_leave_nothing_on(
     supply: EmulatedSupply, tmp_path: Path, between_s: float
 ):
-    child, guard = _orphaned(supply, tmp_path)
-    assert supply.truth()["output_V"] > 20.0
-    with child:
+    with Orphaned(supply, tmp_path) as orphaned:
+        assert supply.truth()["output_V"] > 20.0
         # what comes down by itself must not hide what is tested
         supply.fault("delay_s", 0.05)
-        child.kill()
+        orphaned.process.kill()
         time.sleep(between_s)
-        os.kill(guard, signal.SIGKILL)
+        os.kill(orphaned.guard, signal.SIGKILL)
         supply.fault("delay_s", 0.0)
-    assert "the output is off" in _complaint(tmp_path, "no guard", 15.0)
+        assert "the output is off" in orphaned.complaint("no guard", 15.0)
     assert_off(supply)
 
 
 def test_controller_and_guard_killed_and_a_stuck_output_is_an_alarm(supply: EmulatedSupply, tmp_path: Path):
-    child, guard = _orphaned(supply, tmp_path)
-    with child:
+    with Orphaned(supply, tmp_path) as orphaned:
         supply.fault("stuck_on")
-        os.kill(guard, signal.SIGKILL)
-        child.kill()
-    said = _complaint(tmp_path, "no guard", 15.0)
+        os.kill(orphaned.guard, signal.SIGKILL)
+        orphaned.process.kill()
+        said = orphaned.complaint("no guard", 15.0)
     assert UNKNOWN in said
     assert "the output is off" not in said
 
 
 @pytest.mark.slow
 def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply: EmulatedSupply, tmp_path: Path):
-    child, guard = _orphaned(supply, tmp_path)
-    with child:
-        os.kill(guard, signal.SIGSTOP)
-        child.kill()
-    assert "the output is off" in _complaint(tmp_path, "no guard", 25.0)
+    with Orphaned(supply, tmp_path) as orphaned:
+        os.kill(orphaned.guard, signal.SIGSTOP)
+        orphaned.process.kill()
+        assert "the output is off" in orphaned.complaint("no guard", 25.0)
     assert_off(supply)
 
 
@@ -509,16 +563,12 @@ def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply
 def test_a_controller_that_can_start_no_guard_any_more_leaves_the_output_to_the_watchman(
     supply: EmulatedSupply, tmp_path: Path
 ):
-    child, guard = _orphaned(supply, tmp_path, CANNOT_START)
-    with child:
-        os.kill(guard, signal.SIGKILL)
-        assert child.stdin is not None
-        assert child.stdout is not None
-        child.stdin.write("go on\n")
-        child.stdin.flush()
+    with Orphaned(supply, tmp_path, CANNOT_START) as orphaned:
+        os.kill(orphaned.guard, signal.SIGKILL)
+        orphaned.write("go on")
         # the watchman's guard switches off; its word is not that of a guard of this controller
-        assert int(child.stdout.readline()) == Status.UNCONFIRMED
-    said = _complaint(tmp_path, "made safe", 15.0)
+        assert int(orphaned.line()) == Status.UNCONFIRMED
+        said = orphaned.complaint("made safe", 15.0)
     assert UNKNOWN in said
     assert "another one made safe, the output is off" in said
     assert_off(supply)
