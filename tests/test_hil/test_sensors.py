@@ -230,8 +230,8 @@ def test_a_sensor_that_repeats_itself_is_given_up_in_time(monkeypatch: pytest.Mo
 
 def test_a_slow_sensor_is_not_a_silent_one(monkeypatch: pytest.MonkeyPatch):
     """Twelve readings take longer than what a silent sensor is given."""
-    monkeypatch.setattr(sensor_eyes, "_FIRST_READING_S", 1.0)
-    with SensorEyes(Scripted(_noisy(50), pause_s=0.25), lambda value: value) as eyes:
+    monkeypatch.setattr(sensor_eyes, "_FIRST_READING_S", 0.6)
+    with SensorEyes(Scripted(_noisy(50), pause_s=0.1), lambda value: value) as eyes:
         eyes.zero(12)
     with SensorEyes(Scripted(_noisy(50), blocks_at=5), lambda value: value) as eyes, pytest.raises(RunError, match="4"):
         eyes.zero(12)

@@ -8,7 +8,7 @@ import pytest
 
 from bender_cli.main import main
 from bender_studies.benchmarks import devices
-from bender_studies.benchmarks.devices import Device
+from bender_studies.benchmarks.devices import Device, Outcome
 
 
 def write_clipped(path: Path, seed: int) -> None:
@@ -35,6 +35,7 @@ def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeyp
     assert (tmp_path / "out" / "clipped" / "diagnosis.json").is_file()
 
 
+@pytest.mark.slow
 def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["benchmark", "devices", "--drawn", "1", "--first-seed", "15", "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out
@@ -43,6 +44,34 @@ def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest
     assert machine["name"] == "proportional valve 15"
     assert set(machine["certain"]) <= set(machine["right"])
     assert machine["second_after"] < 0.2 * machine["second_before"]
+
+
+def test_drawn_machines_are_written_and_what_is_said_of_them_is_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    """What a diagnosis would say is made up: one right, one mistaken and worse on the second record."""
+
+    def outcome_of(device: Device, data: Path, out: Path) -> Outcome:
+        first, second = (devices._record(file, device, data) for file in (device.file, device.other))
+        assert first.time_s.size > 100
+        assert not np.array_equal(first.displacement_um, second.displacement_um)
+        is_right = device.name.endswith("15")
+        name = sorted(device.right if is_right else device.wrong)[0]
+        after = 0.1 if is_right else 1.5
+        return Outcome(
+            device.name, "named", ((name, 0.9),), is_right, not is_right, 1.0, 0.2, 1.0, after, 3.0, device.unit,
+            (name,), tuple(sorted(device.right)),
+        )  # fmt: skip
+
+    monkeypatch.setattr(devices, "outcome_of", outcome_of)
+    assert main(["benchmark", "devices", "--drawn", "2", "--first-seed", "15", "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    right, mistaken = json.loads((tmp_path / "devices.json").read_text(encoding="utf-8"))
+    assert right["name"] == "proportional valve 15"
+    assert "one of the first two names is right: 1 of 2; the first would be a mistake: 1" in said
+    assert f"certain names: 2, not accepted: {mistaken['certain'][0]} of {mistaken['name']}" in said
+    assert f"worse there: {mistaken['name']}\n" in said
+    assert "longest: 3 s" in said
 
 
 @pytest.mark.parametrize(("unit", "held"), [("m", "µm"), ("mm", "µm"), ("kip", "kip"), ("ticks/s", "ticks/s")])

@@ -46,6 +46,26 @@ def slot_of(step_s: float, known_s: Array, first: int) -> int:
 
 
 @njit(cache=True)
+def lag_matrices(kappa: float, from_start: Array, from_source: Array) -> None:
+    """Fill what a lag takes from its start and from its source over a sub-step of `kappa` time constants.
+
+    Loops in the place of array expressions: what numba makes of those takes seconds to compile.
+    """
+    matrix = np.empty((NODES, NODES))
+    for j in range(NODES):
+        for k in range(NODES):
+            matrix[j, k] = (1.0 if j == k else 0.0) + kappa * A[j, k]
+    inverse = np.linalg.inv(matrix)
+    product = inverse @ A
+    for j in range(NODES):
+        total = 0.0
+        for k in range(NODES):
+            total += inverse[j, k]
+            from_source[j, k] = kappa * product[j, k]
+        from_start[j] = total
+
+
+@njit(cache=True)
 def lag(source: Array, step_s: Array, tau_s: float, start: float) -> Array:
     """First-order lag tau x' = source - x at the nodes, shape (n, 5), from x = start."""
     x = np.empty_like(source)
@@ -58,9 +78,7 @@ def lag(source: Array, step_s: Array, tau_s: float, start: float) -> Array:
         if slot < 0:
             slot, made = made % SLOTS, made + 1
             known_s[slot] = step_s[i]
-            inverse = np.linalg.inv(np.eye(NODES) + step_s[i] / tau_s * A)
-            from_start[slot] = inverse.sum(axis=1)
-            from_source[slot] = (step_s[i] / tau_s) * (inverse @ A)
+            lag_matrices(step_s[i] / tau_s, from_start[slot], from_source[slot])
         x[i, 0] = x0
         for j in range(1, NODES):
             total = from_start[slot, j] * x0
@@ -90,11 +108,25 @@ def varying_lag(source: Array, step_s: Array, rate: Array, start: float) -> Arra
 
 
 @njit(cache=True)
-def mode_matrices(step_s: float, omega: float, zeta: float) -> tuple[Array, Array]:
-    """What the speed at the nodes takes from its start and from the acceleration that drives it."""
-    ha = step_s * A
-    inverse = np.linalg.inv(np.eye(NODES) + 2.0 * zeta * omega * ha + omega * omega * (ha @ ha))
-    return inverse.sum(axis=1), inverse @ ha
+def mode_matrices(step_s: float, omega: float, zeta: float, from_start: Array, from_drive: Array) -> None:
+    """Fill what the speed at the nodes takes from its start and from the acceleration that drives it."""
+    ha, matrix = np.empty((NODES, NODES)), np.empty((NODES, NODES))
+    for j in range(NODES):
+        for k in range(NODES):
+            ha[j, k] = step_s * A[j, k]
+    squared = ha @ ha
+    for j in range(NODES):
+        for k in range(NODES):
+            unit = 1.0 if j == k else 0.0
+            matrix[j, k] = unit + 2.0 * zeta * omega * ha[j, k] + omega * omega * squared[j, k]
+    inverse = np.linalg.inv(matrix)
+    product = inverse @ ha
+    for j in range(NODES):
+        total = 0.0
+        for k in range(NODES):
+            total += inverse[j, k]
+            from_drive[j, k] = product[j, k]
+        from_start[j] = total
 
 
 @njit(cache=True)
@@ -112,7 +144,7 @@ def linear_mode(source: Array, step_s: Array, omega: float, zeta: float) -> tupl
         if slot < 0:
             slot, made = made % SLOTS, made + 1
             known_s[slot] = h
-            from_start[slot], from_drive[slot] = mode_matrices(h, omega, zeta)
+            mode_matrices(h, omega, zeta, from_start[slot], from_drive[slot])
         p[i, 0], q[i, 0] = p0, q0
         for j in range(1, NODES):
             total = from_start[slot, j] * p0

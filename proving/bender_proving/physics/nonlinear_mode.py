@@ -65,9 +65,9 @@ def single_mode(
         if slot < 0:
             slot, made = made % SLOTS, made + 1
             known_s[slot] = h
-            from_start[slot], from_drive[slot] = mode_matrices(h, omega, zeta)
-        q[i] = q0
-        p[i] = p0
+            mode_matrices(h, omega, zeta, from_start[slot], from_drive[slot])
+        for k in range(NODES):
+            q[i, k], p[i, k] = q0, p0
         for _ in range(_LIMIT):
             for k in range(NODES):
                 bend = _excess(kind, q[i, k], a, b)

@@ -62,7 +62,8 @@ def beginnings(kind: int, a: float, b: float, act_s: Array, target_V: Array) -> 
     states = np.zeros((len(act_s), 2))
     for k in range(1, len(act_s)):
         elapsed = act_s[k] - act_s[k - 1]
-        states[k] = _after(kind, a, b, elapsed, states[k - 1, 0], states[k - 1, 1], target_V[k - 1])
+        inner, outer = states[k - 1, 0], states[k - 1, 1]
+        states[k, 0], states[k, 1] = _after(kind, a, b, elapsed, inner, outer, target_V[k - 1])
     return states
 
 

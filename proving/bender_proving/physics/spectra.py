@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from bender_proving.physics.lobatto import NODES, SLOTS, A, Array, slot_of
+from bender_proving.physics.lobatto import NODES, SLOTS, A, Array, lag_matrices, slot_of
 from numba import njit
 from scipy.optimize import nnls
 
@@ -51,9 +51,7 @@ def _propagators(step_s: float, tau_s: Array, from_start: Array, from_source: Ar
     for u in range(len(tau_s)):
         kappa = step_s / tau_s[u]
         if kappa > _NEAR:
-            inverse = np.linalg.inv(np.eye(NODES) + kappa * A)
-            from_start[u] = inverse.sum(axis=1)
-            from_source[u] = kappa * (inverse @ A)
+            lag_matrices(kappa, from_start[u], from_source[u])
             continue
         for j in range(1, NODES):
             value = 0.0
