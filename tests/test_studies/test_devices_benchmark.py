@@ -11,20 +11,20 @@ from bender_studies.benchmarks import devices
 from bender_studies.benchmarks.devices import Device, Outcome
 
 
-def write_clipped(path: Path, seed: int) -> None:
-    """A quick lag whose input is clipped: what no linear structure has."""
+def write_lag(path: Path, seed: int, rows: int, low: float = -10.0, high: float = 10.0) -> None:
+    """A quick lag; where its input is clipped, it is what no linear structure has."""
     rng = np.random.default_rng(seed)
     state, lines = 0.0, ["time_s,u,y"]
-    for k, u in enumerate(np.repeat(rng.uniform(-10.0, 10.0, 80), 10)):
+    for k, u in enumerate(np.repeat(rng.uniform(-10.0, 10.0, rows // 10), 10)):
         lines.append(f"{k / 50.0:.6f},{u:.6f},{state + rng.normal(0.0, 0.02):.6f}")
-        state += 0.4 * (2.0 * min(max(u, -4.0), 6.0) - state)
+        state += 0.4 * (2.0 * min(max(u, low), high) - state)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 @pytest.mark.slow
 def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    write_clipped(tmp_path / "one.csv", 1)
-    write_clipped(tmp_path / "other.csv", 2)
+    write_lag(tmp_path / "one.csv", 1, 800, -4.0, 6.0)
+    write_lag(tmp_path / "other.csv", 2, 800, -4.0, 6.0)
     device = Device("clipped", "one.csv", "bar", frozenset({"saturation"}), frozenset({"creep"}), "other.csv")
     monkeypatch.setattr(devices, "DEVICES", (device,))
     assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
@@ -33,6 +33,21 @@ def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeyp
     assert not found["is_wrong"]
     assert found["second_after"] < 0.5 * found["second_before"]
     assert (tmp_path / "out" / "clipped" / "diagnosis.json").is_file()
+
+
+def test_nothing_is_said_of_a_linear_device_and_its_second_record_is_met(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    write_lag(tmp_path / "one.csv", 1, 300)
+    write_lag(tmp_path / "other.csv", 2, 300)
+    device = Device("lag", "one.csv", "bar", frozenset(), frozenset({"creep"}), "other.csv")
+    monkeypatch.setattr(devices, "DEVICES", (device,))
+    assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    (found,) = json.loads((tmp_path / "out" / "devices.json").read_text(encoding="utf-8"))
+    assert found["verdict"] == "no_gap"
+    assert not found["certain"]
+    assert found["second_after"] < 1.3 * 0.02
+    assert (tmp_path / "out" / "lag" / "diagnosis.json").is_file()
 
 
 @pytest.mark.slow
