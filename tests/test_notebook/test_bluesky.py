@@ -1,12 +1,14 @@
 """The bench in bluesky: runs as documents, and an aborted plan that leaves the output off."""
 
 import json
+import re
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 
 pytest.importorskip("bluesky", reason="needs the extra bluesky")
 pytest.importorskip("ophyd_async", reason="needs the extra bluesky")
@@ -16,9 +18,11 @@ from bluesky import RunEngine  # pyright: ignore[reportMissingImports]
 from bluesky.utils import RunEngineInterrupted  # pyright: ignore[reportMissingImports]
 
 from bender_loop.records.record import read_record
+from bender_studies.bench_trials.end_to_end import HIDDEN, hidden_model
 from piezo_bender.bluesky import Bench, investigate, play
 
 pytestmark = pytest.mark.filterwarnings("default")
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "use-the-bench-from-bluesky.md"
 BENCH = """
 [emulator]
 supply = "GCS"
@@ -86,6 +90,24 @@ def test_an_aborted_plan_says_stop_and_the_output_is_off_before_it_ends(bench: B
     assert (end["code"], end["confirmed"]) == ("stop", True)
     thread.join(10.0)
     assert documents[-1][1]["exit_status"] == "abort"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_the_lines_of_the_page_come_to_a_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """As they stand, on a bench that hides a delay and a hysteresis."""
+    (tmp_path / "hidden.toml").write_text(tomli_w.dumps(hidden_model().to_table()))
+    hidden = f"model = {json.dumps(str(tmp_path / 'hidden.toml'))}\n"
+    (tmp_path / "bench.toml").write_text(BENCH.replace("[emulator]\n", f"[emulator]\n{hidden}"))
+    monkeypatch.chdir(tmp_path)
+    (lines,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(lines.splitlines()) <= 10
+    ran: dict[str, Any] = {}
+    exec(compile(lines, str(PAGE), "exec"), ran)
+    told = ran["events"][-1]
+    assert told["bench-verdict"] == ["named"]
+    assert set(told["bench-effects"][0].split(", ")) == set(HIDDEN)
+    assert told["bench-bench_s"][0] <= 240.0
 
 
 @pytest.mark.slow

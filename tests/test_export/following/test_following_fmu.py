@@ -168,8 +168,9 @@ def test_instances_side_by_side_are_as_each_alone(made: Made, following_paper: M
     assert [list(commands) for commands in zip(*together, strict=True)] == alone
 
 
-def test_every_check_with_its_trial_run_finds_nothing(made: Made) -> None:
-    report = check(made.controller)
+@pytest.mark.parametrize("which", few(["following_paper", "following_late"], 0))
+def test_every_check_with_its_trial_run_finds_nothing(which: str, request: pytest.FixtureRequest) -> None:
+    report = check(request.getfixturevalue(which).controller)
     assert report.faults == ()
     assert "trial run" in report.ran
 
