@@ -83,6 +83,18 @@ def test_a_record_that_is_none_leaves_nothing_behind(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("is_trained", [False, True])
+def test_a_folder_whose_files_are_no_records_leaves_nothing_behind(
+    is_trained: bool, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "records").mkdir()
+    (tmp_path / "records" / "a_note.txt").write_text("look at the clamp\n" * 500, encoding="utf-8")
+    words = ["watch", "beam", str(tmp_path / "records"), "--replay", "--no-diagnosis", "--out", str(tmp_path / "out")]
+    assert main([*words, *(["--training", str(device.training)] if is_trained else [])]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("rows", [40, 400])
 def test_an_fmu_leaves_no_files_whether_it_was_driven_or_not(
     rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

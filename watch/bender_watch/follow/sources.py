@@ -114,6 +114,16 @@ class Source:
             self.wait(WAIT_S)
 
     def _files(self) -> Iterator[Arrival]:
+        """What is passed over is not said before there is a record: where there is none, nothing is to be written."""
+        held: list[Arrival] = []
+        for arrival in self._one_by_one():
+            held.append(arrival)
+            if not arrival.refused or self.follow:
+                yield from held
+                held.clear()
+        yield from held
+
+    def _one_by_one(self) -> Iterator[Arrival]:
         done = list(self.position.get("done", ()))
         now = self.position.get("file")
         passed_over: list[Path] = []
