@@ -322,6 +322,21 @@ def test_what_the_integral_does_inside_a_play_is_known_to_the_feedforward():
     assert reading == pytest.approx(4.0, abs=0.05)
 
 
+def test_at_rest_the_edge_of_a_play_is_where_it_is_whatever_slope_was_seen_last():
+    """On arrival from the inside of a play the last slope is hardly any."""
+    model, device = Play(), Play()
+    made = follower(inverted=model, predictor=model, tolerance_um=1e-3, margin_um=0.05)
+    memory, reading = rest(made), 0.0
+    for _ in range(40):
+        memory = step(made, memory, 12.0, reading, PERIOD_S)
+        reading = device.step(memory.command_V, PERIOD_S)
+    found, unseen = (
+        step(made, memory._replace(slope_um_per_V=slope), 12.0, reading, PERIOD_S) for slope in (model.gain, 0.02)
+    )
+    assert unseen.feedforward_V == pytest.approx(found.feedforward_V, abs=2.0 * made.tolerance_um / model.gain)
+    assert unseen.slope_um_per_V == pytest.approx(model.gain, rel=1e-6)
+
+
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_inside_a_play_the_command_is_that_of_the_block_alone(seed: int):

@@ -30,7 +30,7 @@ from bender_tuner.model.scaled_plant import ScaledPlant
 from bender_tuner.results.summary import kind_line
 from bender_tuner.results.tuning_file import FmuFacts
 from bender_tuner.task.contenders import line_up
-from bender_tuner.task.following import AS_SAFE, MOST_TICKS, Following, Scored, candidates, choose
+from bender_tuner.task.following import MOST_TICKS, Following, Scored, candidates, choose
 from bender_tuner.task.practitioner import Priorities
 from bender_tuner.task.problem import pose_problem
 from bender_tuner.task.search_space import SearchSpace, edges
@@ -334,7 +334,7 @@ TRIED = (
 def test_what_the_noise_of_an_objective_may_decide_costs_no_rms(seed: int):
     noise = np.random.default_rng(seed).normal(0.0, 0.015, len(TRIED))
     tried = [scored(*x[:3], value=x[3] * (1.0 + y)) for x, y in zip(TRIED, noise, strict=True)]
-    chosen = choose(tried, plain=1.913)
+    chosen = choose(tried, plain=1.913, spread=lambda _: 0.1)
     assert chosen is not None
     assert chosen.nominal_rms_um < 1.02 * min(x[2] for x in TRIED)
 
@@ -356,10 +356,16 @@ def test_a_known_reference_takes_no_horizon_that_is_worse_than_the_block_alone()
     assert (model.horizon_ticks, model.preview_horizon_ticks) == (8, 8)
 
 
+@pytest.mark.parametrize(("spread", "rate"), [(0.0, 60.0), (0.01, 60.0), (0.03, 300.0)])
+def test_as_safe_as_the_best_is_what_differs_from_it_by_no_more_than_it_does_from_itself(spread: float, rate: float):
+    quick, safe = scored(300.0, 1, 0.6, value=1.05), scored(60.0, 1, 1.0)
+    assert model_of(choose([quick, safe], spread=lambda _: spread)).rate_um_per_s == rate
+
+
 def test_what_breaks_a_bound_or_is_worse_with_a_wrong_gain_is_not_taken():
     broken, fragile, sound = (
         scored(600.0, 1, 0.5, kept=False),
-        scored(300.0, 1, 0.6, value=1.01 * AS_SAFE),
+        scored(300.0, 1, 0.6, value=1.05),
         scored(60.0, 1, 1.0),
     )
     assert model_of(choose([broken, fragile, sound])).rate_um_per_s == 60.0

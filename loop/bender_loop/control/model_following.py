@@ -228,9 +228,9 @@ def step(
         # at the edge of a play the slope between two trials tells nothing of what lies beyond it
         found = Inverted(found.voltage_V, found.reading_um, memory.slope_um_per_V)
         at = Inverted(found.voltage_V, at_um, memory.slope_um_per_V)
-        inside, kept_V = _inside(follower, begin, at, way, memory.feedforward_V - aside_V, aside_V)
+        inside, kept_V, beyond = _inside(follower, begin, at, way, memory.feedforward_V - aside_V, aside_V)
         if inside < math.inf:
-            found, met = Inverted(min(max(inside, within[0]), within[1]), at_um, memory.slope_um_per_V), True
+            found, met = Inverted(min(max(inside, within[0]), within[1]), at_um, beyond), True
             aside_V = kept_V
     else:
         way, slope = math.copysign(1.0, target_um - at_um), found.slope_um_per_V
@@ -302,34 +302,41 @@ def _unfelt(follower: ModelFollower, begin: object, found: Inverted, change_V: f
 
 def _inside(
     follower: ModelFollower, begin: object, at: Inverted, way: float, guess_V: float, aside_V: float
-) -> tuple[float, float]:
-    """The command so far aside of the one at which the inverted model would go on its way, and how far it is.
+) -> tuple[float, float, float]:
+    """The command so far aside of the one at which the inverted model would go on its way, how far, and that slope.
 
     It is inf where there is no play: where the model goes back as it went on.
     """
-    slope = at.slope_um_per_V
-    if slope <= 0.0:
-        return math.inf, 0.0
-    edge_V = _edge(follower, begin, at, way, guess_V)
+    if at.slope_um_per_V <= 0.0:
+        return math.inf, 0.0, 0.0
+    edge_V, slope = _edge(follower, begin, at, way, guess_V)
     if abs(edge_V) == math.inf:
-        return math.inf, 0.0
+        return math.inf, 0.0, 0.0
     back_V = edge_V - way * _THERE * follower.tolerance_um / slope
     back_um = response(follower.inverted, begin, back_V, _horizon(follower))
     if way * (at.reading_um - back_um) > follower.tolerance_um:
-        return math.inf, 0.0
+        return math.inf, 0.0, 0.0
     aside_V = _unfelt(follower, begin, Inverted(edge_V, at.reading_um, slope), aside_V)
-    return edge_V + aside_V, aside_V
+    return edge_V + aside_V, aside_V, slope
 
 
-def _edge(follower: ModelFollower, begin: object, at: Inverted, way: float, guess_V: float) -> float:
-    """The last command before the inverted model goes on its way, found from a guess; inf where it does not."""
+def _edge(follower: ModelFollower, begin: object, at: Inverted, way: float, guess_V: float) -> tuple[float, float]:
+    """The last command before the inverted model goes on its way, found from a guess, and the slope beyond it.
+
+    It is inf where the model does not go on. The slope as last seen may be one of the inside of the play; with two
+    trials beyond the edge that of the model is known.
+    """
     slope, tolerance_um = at.slope_um_per_V, follower.tolerance_um
     last = max(way * follower.limits.lower_V, way * follower.limits.upper_V)
     stride = 2.0 * tolerance_um / slope
     low, high, to, edge = -math.inf, math.inf, way * guess_V + stride, math.inf
+    before, before_um = math.inf, 0.0
     for _ in range(MOST_TRIALS):
         to = min(to, last)
         moved_um = way * (response(follower.inverted, begin, way * to, _horizon(follower)) - at.reading_um)
+        if moved_um >= tolerance_um:
+            slope = (moved_um - before_um) / (to - before) if (moved_um - before_um) * (to - before) > 0.0 else slope
+            before, before_um = to, moved_um
         if tolerance_um <= moved_um <= 3.0 * tolerance_um:
             edge = to - moved_um / slope
             break
@@ -342,7 +349,7 @@ def _edge(follower: ModelFollower, begin: object, at: Inverted, way: float, gues
         middle = 0.5 * (low + high)
         back = to - (moved_um - 2.0 * tolerance_um) / slope if moved_um > tolerance_um else middle
         to = to + stride if high == math.inf else back if back > low else middle
-    return way * edge
+    return way * edge, slope
 
 
 def _reading(follower: ModelFollower, state: object) -> float:

@@ -1,7 +1,7 @@
 """Model following in a tuning: the shaper and the horizon that suit a model, judged as gains are judged."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,10 +15,8 @@ RISE_TICKS = (1, 2, 3, 4, 5, 6, 8, 10)
 HORIZON_TICKS, MOST_TICKS = (1, 2), 64
 LONGER_RISES = (1, 1.5, 2, 3, 4)
 """The same in horizons, where those are longer."""
-AS_SAFE = 1.3
-"""Up to so many times the least objective a candidate counts as good: the cases with a wrong gain rule the objective,
-which no shaper helps. Where the search for gains has ended moves it by some hundredths; behind a play, which keeps
-what the noise has made of the tip, one shaper differs from itself by tenths."""
+_DEVIATIONS = 2.0 * math.sqrt(2.0)
+"""Of one value: two that are drawn alike differ by less."""
 AS_NEAR = 1.01
 """Up to so many times the least rms a calmer candidate is taken."""
 ARRIVED = 0.9
@@ -91,14 +89,21 @@ class Scored:
     harm: str = ""
 
 
-def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
+def choose(
+    scored: list[Scored],
+    plain: float = math.inf,
+    spread: Callable[[Following], float] = lambda _: 0.0,
+) -> Scored | None:
     """Return the one that is nearest to the set-point of all that are good; None where nothing is.
 
-    Good is what keeps the bounds, is better than the PID block alone, and is as safe as the best. Of the good ones the
-    quickest on the nominal plant is taken, without what the noise of models and gains would decide: over the objective
-    alone shapers differ by less than that, while a slow one costs a tenth of the rms. Where others are as near, the
-    calmest of them is: the shortest horizon comes first, for it leaves the least to a command that is held longer than
-    it will be, then the slowest shaper.
+    Good is what keeps the bounds, is better than the PID block alone, and is as safe as the best: its objective is
+    above the least by no more than that of the best differs from itself with another noise of the readings. The cases
+    with a wrong gain rule the objective, which no shaper helps; by it alone shapers differ by less than its noise,
+    behind a play by far, while a slow one costs a tenth of the rms.
+
+    Of the good ones the quickest on the nominal plant is taken. Where others are as near, the calmest of them is: the
+    shortest horizon comes first, for it leaves the least to a command that is held longer than it will be, then the
+    slowest shaper.
 
     A known reference is not shaped and moves between the samples, and a command that is meant to be held over several
     of them is ahead of it: for it the shortest horizon is kept with which any shaper keeps the bounds and is worth
@@ -107,11 +112,13 @@ def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
     Args:
         scored: all that was tried.
         plain: a value that a good one is below: that of the PID block alone.
+        spread: says by which part of itself the objective of one candidate is spread over other noises.
     """
     fit = [x for x in scored if x.bounds_kept and not x.harm and math.isfinite(x.value) and x.value < plain]
     if not fit:
         return None
-    most = AS_SAFE * min(x.value for x in fit)
+    safest = min(fit, key=lambda x: x.value)
+    most = max(AS_NEAR, 1.0 + _DEVIATIONS * spread(safest.following)) * safest.value
     good = [x for x in fit if x.value <= most]
     least_um = min(x.nominal_rms_um for x in good)
     near = [x for x in good if x.nominal_rms_um <= AS_NEAR * least_um]

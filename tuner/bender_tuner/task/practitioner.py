@@ -30,7 +30,9 @@ overshoot is scored, not forbidden.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
+from statistics import fmean, stdev
 
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
@@ -44,6 +46,7 @@ from bender_tuner.task.following import Following
 _SIMC_ITAE = 2.5
 _LARGEST_EXCESS = 30.0
 _LEAST_VARIATION_V = 1e-3
+_NOISES, _NOISE_SHARE = 8, 0.01
 _COMFORT = 0.9
 """In parts of a bound on settling or noise gain: up to there nothing is paid."""
 
@@ -193,6 +196,22 @@ class PractitionerObjective:
             overshoot_percent=overshoot_percent,
             settling_time_s=settling_time_s,
         )
+
+    def spread(self, gains: Gains, following: Following | None = None) -> float:
+        """Return the standard deviation of J over other noises of the readings, as a part of its mean.
+
+        Where there is no noise it is a hundredth of the set-point.
+        """
+        values: list[float] = []
+        for number in range(1, _NOISES + 1):
+            other = copy(self)
+            other._runs = [self._with_noise(x, number) for x in self._runs]
+            values.append(other.evaluate(gains, following).value)
+        return stdev(values) / fmean(values) if all(map(math.isfinite, values)) else 0.0
+
+    def _with_noise(self, run: StepExperiment, number: int) -> StepExperiment:
+        noise_um = run.sampling.noise_um or _NOISE_SHARE * self._setpoint_um
+        return replace(run, seed=run.seed + number, sampling=replace(run.sampling, noise_um=noise_um))
 
     def keeps_overshoot(self, gains: Gains, following: Following) -> bool:
         """Return whether every nominal case keeps the bound on its overshoot up, down and up again."""

@@ -15,6 +15,7 @@ quicker than another, and the second alone is worth it.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -120,17 +121,18 @@ def recommend(
     known_Hz = _known_frequency_Hz(problem, gains)
     doubted = () if settings.gain_error_percent is not None else doubted
     doubts = doubts_of(problem.experiment, doubted, gains, known_Hz)
+    spread = partial(judge.spread, gains)
     tried: list[Scored] = []
     best: Scored | None = None
     for group in candidates(model, fmu, settings.setpoint_um, settings.sampling, problem.reduced.lag_s):
         for count, following in enumerate(group, start=1):
             tried.append(_scored(judge, gains, following, doubts))
             report("tuning model following", count, len(group), f"best {min(x.value for x in tried):.4g}")
-        best = choose(tried, alone.value)
+        best = choose(tried, alone.value, spread)
         if best is not None:
             break
     ratio = math.nan
-    if best is None and (near := choose(tried, WORSE * alone.value)) is not None:
+    if best is None and (near := choose(tried, WORSE * alone.value, spread)) is not None:
         ratio = judge.known_sine_ratio(known_Hz, gains, near.following)
         best = near if ratio <= _KNOWN_RATIO else None
     if best is not None and (device.by_diagnosis or settings.gain_error_percent is not None):
