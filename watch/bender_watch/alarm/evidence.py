@@ -12,7 +12,7 @@ from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance
 from bender_watch.alarm.still import is_still, moves
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.learn import Baseline
-from bender_watch.sequential.detector import CLIP, COLOURS
+from bender_watch.sequential.detector import COLOURS
 
 Array = NDArray[np.float64]
 Facts = dict[str, Any]
@@ -64,7 +64,7 @@ class Evidence:
         places = places[np.isfinite(self.history.column("innovation")[places])][-rows:]
         return Looked(places, self.history.column("innovation")[places], self.history.whitened()[places])
 
-    def onset(self, test: str, seen: Looked, clip: float = CLIP) -> tuple[Onset, list[Facts]]:
+    def onset(self, test: str, seen: Looked, clip: float | None = None) -> tuple[Onset, list[Facts]]:
         """Return when the change began along what shows it best, and the effects that it suspects.
 
         The test that found it does not say what it is: a loop that grows is louder first.
