@@ -31,7 +31,7 @@ from bender_watch.alarm.explain import (
     unread_before,
 )
 from bender_watch.alarm.history import KEPT, History
-from bender_watch.alarm.onset import Onset, wide_clip
+from bender_watch.alarm.onset import Onset
 from bender_watch.alarm.still import ADVICE, NO_READING, repeats_of, silent_after
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
 from bender_watch.baseline.drift import FOLLOWED
@@ -478,8 +478,8 @@ class Watcher:
         seen = evidence.looked_back(len(self.history))
         seen = seen.where(rows[seen.places] >= waiting.first_row - BACK * waiting.exceedance.rows - 64)
         places = seen.places
-        clip = wide_clip(seen.innovations[rows[places] >= waiting.first_row])
-        onset, suspects = evidence.onset(waiting.exceedance.test, seen, clip)
+        since = int(np.searchsorted(rows[places], waiting.first_row))
+        onset, suspects = evidence.onset(waiting.exceedance.test, seen, since)
         began = int(places[onset.place])
         since_change = int(np.sum((rows[places] >= rows[began]) & (rows[places] <= waiting.event["row"])))
         is_last = is_end or 2 * waiting.rows > KEPT

@@ -135,9 +135,22 @@ def _ramps(e: Array, z: Array) -> tuple[Array, Array]:
     return lengths, ratios
 
 
-def wide_clip(innovations: Array) -> float:
-    """Return a clip that keeps the shape of a change that is larger than the noise, and no single row beyond it."""
-    return CLIP * max(1.0, 1.4826 * float(np.median(np.abs(innovations)))) if innovations.size else CLIP
+def wide_clip(innovations: Array, whitened: Array) -> float:
+    """Return a clip that keeps the shape of a change that is larger than the noise, and no single row beyond it.
+
+    What is usual is that of the rows that the signature is seen in: a lag shows behind jumps only, and the innovations
+    of all other rows are noise, however large it is.
+
+    Args:
+        innovations: (n,) since a change.
+        whitened: (n,) its signature.
+    """
+    size = np.abs(innovations)
+    order = np.argsort(size)
+    weight = np.cumsum(whitened[order] ** 2)
+    if not weight.size or weight[-1] <= 0.0:
+        return CLIP
+    return CLIP * max(1.0, 1.4826 * float(size[order[np.searchsorted(weight, 0.5 * weight[-1])]]))
 
 
 def onset_of_variance(innovations: Array, louder: bool) -> Onset:
