@@ -59,7 +59,7 @@ INSIDE_AGAIN = 64
 """Rows inside the training range after which an excursion is over, twice as many for each further one: every crest of a
 sine is no news, however slow it is."""
 LED_BY = 1000
-"""Rows before a change that lead the diagnosis to where the device was: it moved as its model until then."""
+"""Rows before those of a diagnosis that lead it to where the device was: before a step it moved as its model."""
 SURE = 0.99
 """Weight of all suspects other than level and gain from which on a calibration alone explains nothing."""
 MOST_WAITED = 4
@@ -491,7 +491,7 @@ class Watcher:
             return
         # of what came in slowly, the rows in which all of it is there, or half of what has grown so far
         enough = max(onset.place, places.size - FEWEST_TO_LEARN)
-        first = int(places[min(onset.whole_from(places.size), enough)])
+        first = int(places[min(onset.whole, enough)])
         told = {
             "event": "explained",
             "alarm": waiting.event["number"],
@@ -533,7 +533,7 @@ class Watcher:
         A diagnosis says what stands while its rows last. Where a change comes in slowly, the first rows have little of
         it, and its effect is another number at every row.
         """
-        lacking = self.settings.explain_rows - (rows - onset.whole_from(rows))
+        lacking = self.settings.explain_rows - (rows - onset.whole)
         if not onset.ramp or lacking <= 0:
             return 0
         since = self.rows - waiting.first_row + (2 if math.isinf(onset.length) else 1) * lacking

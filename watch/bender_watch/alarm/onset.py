@@ -9,6 +9,7 @@ d with probability 1 - exp(-d) at least (Siegmund, International Statistical Rev
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,7 @@ class Onset:
         amplitude: of the signature over the rows since, in its unit; of a ramp, at the last row.
         std: of it.
         length: rows over which it comes in; 0 of a step, inf where it still does.
+        whole: place from which on all of it is there, the last of a 95 % set; of what still grows, half of it.
         growth_per_row: of the amplitude, a straight line through the rows since all of it is there, or since it began.
         growth_std: of it.
     """
@@ -53,6 +55,7 @@ class Onset:
     amplitude: float
     std: float
     length: float
+    whole: int
     growth_per_row: float
     growth_std: float
 
@@ -67,14 +70,6 @@ class Onset:
         away = self.growth_per_row * math.copysign(1.0, self.amplitude)
         return math.isinf(self.length) or away > GROWS * self.growth_std
 
-    def whole_from(self, rows: int) -> int:
-        """Return from where on all of it is there; of what still grows, at least half of what there is at the end.
-
-        Args:
-            rows: that were looked at.
-        """
-        return self.place + ((rows - self.place) // 2 if math.isinf(self.length) else round(self.length))
-
     def weights(self, rows: int) -> Array:
         """Return the part of it that is there at each of so many rows (n,)."""
         return _coming_in(rows, self.place, self.length)
@@ -83,7 +78,8 @@ class Onset:
 def _coming_in(rows: int, place: int, length: float) -> Array:
     since = np.arange(rows) - place
     whole = min(length, max(rows - 1.0 - place, 1.0))
-    return np.clip(since / whole, 0.0, 1.0) if length > 0.0 else (since >= 0).astype(np.float64)
+    part = np.clip(since / whole, 0.0, 1.0) if length > 0.0 else since >= 0
+    return part.astype(np.float64)
 
 
 def onset_of(innovations: Array, whitened: Array, clip: float | None = None) -> Onset:
@@ -107,9 +103,20 @@ def onset_of(innovations: Array, whitened: Array, clip: float | None = None) -> 
     own = z * _coming_in(e.size, place, length)
     amplitude, std = _estimate(float(own @ e), float(own @ own))
     within = np.flatnonzero(profile >= profile[place] - WITHIN)
-    whole = place + (0 if math.isinf(length) else round(length))
-    growth = _growth(e[whole:], z[whole:])
-    return Onset(place, int(within[0]), int(within[-1]), float(profile[place]), amplitude, std, length, *growth)
+    low, high, likelihood = int(within[0]), int(within[-1]), float(profile[place])
+    begin = place if math.isinf(length) else place + round(length)
+    growth = _growth(e[begin:], z[begin:])
+    whole = place + (e.size - place) // 2
+    if math.isfinite(length):
+        ends = [] if clip is None else [(int(x), y) for x, y in zip(lengths, ramps[:-1], strict=True)]
+        whole = max(_last_end(likelihood, ends), begin)
+    return Onset(place, low, high, likelihood, amplitude, std, length, whole, *growth)
+
+
+def _last_end(likelihood: float, ramps: Sequence[tuple[int, Array]]) -> int:
+    """Return the last row at which a ramp may have ended that is about as likely as the likeliest; 0 where none is."""
+    found = ((length, np.flatnonzero(ratio >= likelihood - WITHIN)) for length, ratio in ramps)
+    return max((length + int(x[-1]) for length, x in found if x.size), default=0)
 
 
 def _ramps(e: Array, z: Array) -> tuple[Array, Array]:
@@ -174,6 +181,7 @@ def onset_of_variance(innovations: Array, louder: bool) -> Onset:
         own - 1.0,
         std,
         0.0,
+        place,
         growth,
         2.0 * growth_std,
     )
