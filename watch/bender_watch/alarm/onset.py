@@ -127,7 +127,7 @@ def _ramps(e: Array, z: Array) -> tuple[Array, Array]:
     """
     rows = e.size
     count = max(0, math.ceil(math.log(max(rows, 1) / SHORTEST) / math.log(LONGER))) if rows > SHORTEST else 0
-    lengths = np.unique(np.round(SHORTEST * LONGER ** np.arange(count)))
+    lengths = np.unique(np.round(SHORTEST * LONGER ** np.arange(count))).astype(np.float64)
     first = _behind(_from_the_end(z * e))
     one = _from_the_end(z * z)
     two = _behind(one)
