@@ -222,7 +222,7 @@ def test_what_follows_every_step_of_a_staircase_is_no_noise(rows_a_level: int, a
 
 
 def test_of_white_noise_the_rows_at_rest_hardly_ever_say_less():
-    rng, resting = np.random.default_rng(17), end_of_rests(np.arange(600) // 6)
+    rng, resting = np.random.default_rng(17), end_of_rests((np.arange(600) // 6).astype(float))
     usable = np.ones(600, dtype=bool)
     draws = [rng.standard_normal(600) for _ in range(400)]
     less = [noise_floor_um(x, usable, resting) < noise_floor_um(x, usable) for x in draws]

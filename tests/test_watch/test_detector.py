@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
-from bender_watch.alarm.onset import onset_of, onset_of_variance
+from bender_watch.alarm.onset import onset_of, onset_of_variance, wide_clip
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.noise import fit_noise
 from bender_watch.baseline.signatures import distinct_groups
@@ -210,6 +210,36 @@ def test_what_grows_is_a_ramp_and_what_stands_is_none() -> None:
     assert ramp.low <= 230
     assert not step.grows
     assert abs(step.place - 200) <= 2
+
+
+@pytest.mark.parametrize(("size", "every"), [(1.0, 1), (5.0, 1), (30.0, 1), (5.0, 25), (30.0, 25)])
+def test_a_ramp_that_has_ended_stands_from_its_end_on(size: float, every: int) -> None:
+    rng = np.random.default_rng(5)
+    # a lag is seen behind jumps only
+    z = np.where(np.arange(4000) % every == 0, np.sqrt(every) * rng.standard_normal(4000), 0.0)
+    e = rng.standard_normal(4000) + size * z * np.clip((np.arange(4000) - 1000) / 500.0, 0.0, 1.0)
+    found = onset_of(e, z, wide_clip(e[1200:], z[1200:]))
+    assert found.ramp
+    assert not found.grows
+    assert found.place == pytest.approx(1000, abs=150)
+    assert found.place + found.length == pytest.approx(1500, abs=150)
+    assert 1490 <= found.whole <= 1800
+    assert found.amplitude == pytest.approx(size, rel=0.1)
+
+
+def test_of_what_still_grows_half_is_there_half_way() -> None:
+    e = np.random.default_rng(6).standard_normal(1000)
+    e[200:] += np.linspace(0.0, 12.0, 800)
+    found = onset_of(e, np.ones(1000), wide_clip(e[200:], np.ones(800)))
+    assert found.grows
+    assert found.whole == pytest.approx(600, abs=30)
+    assert found.weights(1000)[found.whole] == pytest.approx(0.5, abs=0.01)
+
+
+def test_an_outlier_is_beyond_the_clip_of_rows_that_are_usual() -> None:
+    e, z = np.random.default_rng(7).standard_normal((2, 500))
+    e[100] = 50.0
+    assert wide_clip(e, z) < 5.0
 
 
 def test_louder_noise_and_since_when() -> None:

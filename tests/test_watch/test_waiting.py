@@ -1,6 +1,7 @@
 """An explanation that explains nothing waits for more rows, as long as some come."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,3 +94,28 @@ def test_it_does_not_wait_for_ever(device: Any, baseline: Baseline, monkeypatch:
     rows, events = watched(device, baseline, monkeypatch, [explanation(2.0 * NOISE_UM, 100)] * 9)
     assert rows == [100, 200, 400]
     assert [x["verdict"] for x in events] == ["recalibrated"]
+
+
+@pytest.mark.parametrize("ramp", [0, 300])
+def test_what_comes_in_slowly_is_diagnosed_where_all_of_it_is_there(
+    device: Any, baseline: Baseline, monkeypatch: pytest.MonkeyPatch, ramp: int
+) -> None:
+    begins: list[tuple[float, int]] = []
+
+    def explained(_: Any, record: Record, since: int, *__: Any, **___: Any) -> Explanation:
+        begins.append((float(record.time_s[-since]), since))
+        return explanation(NOISE_UM, since, (CREEP,))
+
+    monkeypatch.setattr("bender_watch.watcher.explain", explained)
+    record = read_record(device.write("ramp.csv", 4))
+    part = np.clip((np.arange(len(record)) - 200) / max(ramp, 1), 0.0, 1.0)
+    record = replace(record, displacement_um=record.displacement_um * (1.0 + 0.05 * part))
+    watcher, parts = Watcher(MODEL, record, baseline, HOW), Rows.of(record)
+    events = [*watcher.begin_record("own", parts), *watcher.take(parts)]
+    (begin_s, rows), *_ = begins
+    assert np.searchsorted(record.time_s, begin_s) == pytest.approx(200 + ramp, abs=60)
+    assert rows >= HOW.explain_rows
+    told = next(x for x in events if x["event"] == "explained")
+    assert told["since"]["row_low"] <= 240
+    assert told["size"]["shape"] == ("ramp" if ramp else "step")
+    assert not told["size"]["grows"]

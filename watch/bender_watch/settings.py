@@ -20,7 +20,7 @@ class Settings:
         linear: the command runs straight from row to row.
         diagnose: an alarm is followed by a diagnosis of the rows since the change.
         adopt: the corrected model of a diagnosis takes the place of the old one.
-        explain_rows: a diagnosis waits for so many rows since the change, or the end.
+        explain_rows: a diagnosis waits for so many rows in which all of the change is there, or the end.
         tolerance: of the stroke, as a part of it, that a trend may take up.
 
     Raises:

@@ -5,6 +5,7 @@ An alarm names the test and what it suspects at once; the diagnosis waits for en
 rows become the training record, of the corrected model or of the one before, and the tests begin anew.
 """
 
+import math
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -30,7 +31,7 @@ from bender_watch.alarm.explain import (
     unread_before,
 )
 from bender_watch.alarm.history import KEPT, History
-from bender_watch.alarm.onset import wide_clip
+from bender_watch.alarm.onset import Onset
 from bender_watch.alarm.still import ADVICE, NO_READING, repeats_of, silent_after
 from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
 from bender_watch.baseline.drift import FOLLOWED
@@ -58,7 +59,7 @@ INSIDE_AGAIN = 64
 """Rows inside the training range after which an excursion is over, twice as many for each further one: every crest of a
 sine is no news, however slow it is."""
 LED_BY = 1000
-"""Rows before a change that lead the diagnosis to where the device was: it moved as its model until then."""
+"""Rows before those of a diagnosis that lead it to where the device was: before a step it moved as its model."""
 SURE = 0.99
 """Weight of all suspects other than level and gain from which on a calibration alone explains nothing."""
 MOST_WAITED = 4
@@ -477,14 +478,20 @@ class Watcher:
         seen = evidence.looked_back(len(self.history))
         seen = seen.where(rows[seen.places] >= waiting.first_row - BACK * waiting.exceedance.rows - 64)
         places = seen.places
-        clip = wide_clip(seen.innovations[rows[places] >= waiting.first_row])
-        onset, suspects = evidence.onset(waiting.exceedance.test, seen, clip)
-        first = int(places[onset.place])
-        since_change = int(np.sum((rows[places] >= rows[first]) & (rows[places] <= waiting.event["row"])))
+        since = int(np.searchsorted(rows[places], waiting.first_row))
+        onset, suspects = evidence.onset(waiting.exceedance.test, seen, since)
+        began = int(places[onset.place])
+        since_change = int(np.sum((rows[places] >= rows[began]) & (rows[places] <= waiting.event["row"])))
         is_last = is_end or 2 * waiting.rows > KEPT
         if not is_last and places.size - onset.place < FEWEST_TO_LEARN:
             self._pending = replace(waiting, rows=2 * waiting.rows)
             return
+        if not is_end and (further := self._until_whole(waiting, onset, places.size)):
+            self._pending = replace(waiting, rows=further)
+            return
+        # of what came in slowly, the rows in which all of it is there, or half of what has grown so far
+        enough = max(onset.place, places.size - FEWEST_TO_LEARN)
+        first = int(places[min(onset.whole, enough)])
         told = {
             "event": "explained",
             "alarm": waiting.event["number"],
@@ -494,8 +501,8 @@ class Watcher:
             "suspects": suspects,
             "size": evidence.size("" if suspects else waiting.exceedance.test, onset),
         } | self.units
-        if evidence.stands(int(rows[first])):
-            found = not_diagnosed(ADVICE, (ADVICE,), len(self.history) - first)
+        if evidence.stands(int(rows[began])):
+            found = not_diagnosed(ADVICE, (ADVICE,), len(self.history) - began)
             self.explanations.append(found)
             self._pending = replace(waiting, stands=True)
             yield told | {"suspects": []} | found.to_dict() | {"goes_on": "where the reading moves again"}
@@ -511,14 +518,26 @@ class Watcher:
             if self.settings.adopt and found.verdict in ("named", "likely", "recalibrated"):
                 model = found.model or self.model
         # what grows goes on, and what has changed again may: a small fade looks like a change that stands
-        learned = self._learned(model, first, drifts=onset.grows or self.alarms > 1)
+        learned = self._learned(model, first, drifts=onset.ramp or onset.grows or self.alarms > 1)
         corrected = "with the corrected model" if model is not self.model else "with the rows since then as normal"
-        if not onset.grows:
+        if not (onset.ramp or onset.grows):
             self.trends.split(since_change)
         yield told | {"goes_on": "as before" if learned is None else corrected}
         self.detector.reset()
         if learned is not None:
             self._go_on(model, first, *learned)
+
+    def _until_whole(self, waiting: Pending, onset: Onset, rows: int) -> int:
+        """Return for how many rows since a change its explanation waits until all of it is there for long enough, or 0.
+
+        A diagnosis says what stands while its rows last. Where a change comes in slowly, the first rows have little of
+        it, and its effect is another number at every row.
+        """
+        lacking = self.settings.explain_rows - (rows - onset.whole)
+        if not onset.ramp or lacking <= 0:
+            return 0
+        since = self.rows - waiting.first_row + (2 if math.isinf(onset.length) else 1) * lacking
+        return since if since <= min(MOST_WAITED * self.settings.explain_rows, KEPT) else 0
 
     def _diagnosed(self, waiting: Pending, first: int, suspects: list[Event], *, is_end: bool) -> Explanation | None:
         """Return what a diagnosis of the rows since a change says; None where it has to wait for more of them."""

@@ -122,7 +122,8 @@ def _print_tables(
     from bender_studies.watching.short import table_of_short
 
     title = f"Changes, one false alarm in {arguments.between_false_alarms:g} rows at most; delays in rows, medians"
-    columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
+    columns = ("size", "changes", "found", "median delay", "optimal", "ratio")
+    columns += ("suspected first", "named first", "named first, or as either side of the linear device")
     print_table(title, columns, [_row(x, [y for y in found if y.size == x]) for x in arguments.sizes or SIZES])
     if calm:
         print_table("Devices that do not change", tuple(calm), [list(calm.values())])
@@ -194,7 +195,8 @@ def _row(size: float, trials: "Sequence[Trial]") -> list[Any]:
         _finite(median([x.optimal_rows for x in known])),
         _finite(median(ratios)),
         _share([x.effect in x.suspected for x in explained]),
-        _share([x.effect in x.named[:1] for x in explained if x.named is not None]),
+        _share([x.is_named for x in explained if x.named is not None]),
+        _share([x.is_either for x in explained if x.named is not None]),
     ]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_proving.cases.hidden import NOISE_UM
@@ -29,6 +30,7 @@ class Trial:
         early: it alarmed before the change.
         suspected: the effects that the alarm suspects first, once it is explained.
         named: the effects of the diagnosis, the first first; None without one.
+        either: effects that the diagnosis says to be the same as the first one, on the other side of the device.
     """
 
     effect: str
@@ -39,6 +41,28 @@ class Trial:
     early: bool
     suspected: tuple[str, ...]
     named: tuple[str, ...] | None
+    either: tuple[str, ...] = ()
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the diagnosis names the effect first."""
+        return self.effect in (self.named or ())[:1]
+
+    @property
+    def is_either(self) -> bool:
+        """Whether it names it, or says that the first is the same on the other side: the nominal device is linear."""
+        return self.is_named or self.effect in self.either
+
+
+def other_sides(effects: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """Return the effects that a diagnosis reports as rivals of the first one, the same on the other side of the device.
+
+    Args:
+        effects: of the diagnosis, the first first.
+    """
+    first = effects[0]["id"] if effects else ""
+    rivals = [x["id"] for x in effects if x.get("rival_of") == first]
+    return tuple(x for x in rivals if x in EFFECTS and EFFECTS[x].same_on_other_side == first)
 
 
 def optimal_row(change: Change, rows_between_false_alarms: float) -> int | None:
@@ -85,6 +109,7 @@ def judged(model: Model, training: Record, baseline: Baseline, change: Change, h
         any(x < change.row for x in alarms),
         suspected,
         named,
+        other_sides(told.get("effects", ())),
     )
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_watch.alarm.history import History
-from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance
+from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.alarm.still import is_still, moves
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.learn import Baseline
-from bender_watch.sequential.detector import CLIP, COLOURS
+from bender_watch.sequential.detector import COLOURS
 
 Array = NDArray[np.float64]
 Facts = dict[str, Any]
@@ -64,13 +64,20 @@ class Evidence:
         places = places[np.isfinite(self.history.column("innovation")[places])][-rows:]
         return Looked(places, self.history.column("innovation")[places], self.history.whitened()[places])
 
-    def onset(self, test: str, seen: Looked, clip: float = CLIP) -> tuple[Onset, list[Facts]]:
+    def onset(self, test: str, seen: Looked, since: int | None = None) -> tuple[Onset, list[Facts]]:
         """Return when the change began along what shows it best, and the effects that it suspects.
 
         The test that found it does not say what it is: a loop that grows is louder first.
+
+        Args:
+            test: that found the change.
+            seen: the rows that are looked at.
+            since: place of a row that the change was there in; None while it has just begun.
         """
         names, e, z = self.baseline.tests.names, seen.innovations, seen.whitened
-        own = [onset_of(e, z[:, j], clip) for j in range(len(names) - len(COLOURS))]
+        count = len(names) - len(COLOURS)
+        clips = [None if since is None else wide_clip(e[since:], z[since:, j]) for j in range(count)]
+        own = [onset_of(e, z[:, j], clips[j]) for j in range(count)]
         likelihood, own = compared(e, z[:, : len(own)], own, self.baseline.grows_only)
         best = int(np.argmax(likelihood))
         if test in ALARMS_OF_VARIANCE:

@@ -1,13 +1,15 @@
 """Since when, how large, and whether it grows: the profile of the likelihood over the row of the change.
 
 With the change at row t, the whitened residual is e_k = c z_k from t on; its log-likelihood ratio, the best c taken, is
-(sum z e)^2 / (2 sum z^2). A ramp has (k - t) z_k in the place of z_k. The rows whose ratio lies within d of the largest
+(sum z e)^2 / (2 sum z^2). A ramp over l rows has min((k - t) / l, 1) z_k in the place of z_k; one that still grows has
+an l beyond the last row. The rows whose ratio lies within d of the largest
 are a confidence set: on either side the ratio falls like a random walk with negative drift, whose largest rise is below
 d with probability 1 - exp(-d) at least (Siegmund, International Statistical Review 56, 1988), so both are with
 (1 - exp(-d))^2.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +25,11 @@ WITHIN = -math.log(1.0 - math.sqrt(LEVEL))
 GROWS = 2.5
 """Deviations of a growth that is one."""
 RAMP_GAIN = 4.0
-"""Log-likelihood by which a ramp has to do better than a step: about the price of one more number."""
+"""Log-likelihood by which a ramp has to do better than a step, and one with an end better than one without: about the
+price of one more number."""
 FEWEST = 3
+SHORTEST, LONGER = 8, math.sqrt(2.0)
+"""Rows of the shortest ramp, and by how much each longer one is longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +42,9 @@ class Onset:
         log_likelihood: of the change against none.
         amplitude: of the signature over the rows since, in its unit; of a ramp, at the last row.
         std: of it.
-        ramp: it grows from the row of the change on.
-        growth_per_row: of the amplitude, a straight line through the rows since.
+        length: rows over which it comes in; 0 of a step, inf where it still does.
+        whole: place from which on all of it is there, the last of a 95 % set; of what still grows, half of it.
+        growth_per_row: of the amplitude, a straight line through the rows since all of it is there, or since it began.
         growth_std: of it.
     """
 
@@ -48,51 +54,110 @@ class Onset:
     log_likelihood: float
     amplitude: float
     std: float
-    ramp: bool
+    length: float
+    whole: int
     growth_per_row: float
     growth_std: float
 
     @property
+    def ramp(self) -> bool:
+        """Whether it does not come in at once."""
+        return self.length > 0.0
+
+    @property
     def grows(self) -> bool:
-        """Whether the amplitude has moved away from zero while it was seen."""
+        """Whether the amplitude still moves away from zero at the last row."""
         away = self.growth_per_row * math.copysign(1.0, self.amplitude)
-        return self.ramp or away > GROWS * self.growth_std
+        return math.isinf(self.length) or away > GROWS * self.growth_std
+
+    def weights(self, rows: int) -> Array:
+        """Return the part of it that is there at each of so many rows (n,)."""
+        return _coming_in(rows, self.place, self.length)
 
 
-def onset_of(innovations: Array, whitened: Array, clip: float = CLIP) -> Onset:
+def _coming_in(rows: int, place: int, length: float) -> Array:
+    since = np.arange(rows) - place
+    whole = min(length, max(rows - 1.0 - place, 1.0))
+    part = np.clip(since / whole, 0.0, 1.0) if length > 0.0 else since >= 0
+    return part.astype(np.float64)
+
+
+def onset_of(innovations: Array, whitened: Array, clip: float | None = None) -> Onset:
     """Return when a change along a signature began.
 
     Args:
         innovations: (n,) of the rows that count.
         whitened: (n,) signature.
-        clip: of the innovations; what is far larger than the noise keeps its shape under a wider one.
+        clip: of the innovations; what is far larger than the noise keeps its shape under a wider one. None for the
+            usual one, under which no ramp ends: there what grows beyond it stands.
     """
-    e, z = np.clip(innovations, -clip, clip), whitened
-    score, information = _from_the_end(z * e), _from_the_end(z * z)
-    step = _ratio(score, information)
-    # a ramp from row t: sums of (k - t) z e and (k - t)^2 z^2, by sums of k z e, k z^2 and k^2 z^2
-    k = np.arange(e.size, dtype=np.float64)
-    first, second = _from_the_end(k * z * e) - k * score, _from_the_end(k * z * z)
-    square = _from_the_end(k * k * z * z) - 2.0 * k * second + k * k * information
-    ramp = _ratio(first, square)
-    is_ramp = bool(np.max(ramp) > np.max(step) + RAMP_GAIN)
-    profile = ramp if is_ramp else step
+    limit = CLIP if clip is None else clip
+    e, z = np.clip(innovations, -limit, limit), whitened
+    step = _ratio(_from_the_end(z * e), _from_the_end(z * z))
+    lengths, ramps = _ramps(e, z)
+    shapes = [step[None, :], ramps[-1:], *([] if clip is None else [ramps[:-1]])]
+    best = int(np.argmax([np.max(x, initial=0.0) - k * RAMP_GAIN for k, x in enumerate(shapes)]))
+    profile = np.max(shapes[best], axis=0)
     place = int(np.argmax(profile))
+    length = (0.0, math.inf, float(lengths[int(np.argmax(ramps[:-1, place]))] if lengths.size else 0.0))[best]
+    own = z * _coming_in(e.size, place, length)
+    amplitude, std = _estimate(float(own @ e), float(own @ own))
     within = np.flatnonzero(profile >= profile[place] - WITHIN)
-    if is_ramp:
-        size = float(e.size - 1 - place)
-        slope, slope_std = _estimate(float(first[place]), float(square[place]))
-        amplitude, std = slope * size, slope_std * size
-    else:
-        amplitude, std = _estimate(float(score[place]), float(information[place]))
-    growth, growth_std = _growth(e[place:], z[place:])
-    low, high = int(within[0]), int(within[-1])
-    return Onset(place, low, high, float(profile[place]), amplitude, std, is_ramp, growth, growth_std)
+    low, high, likelihood = int(within[0]), int(within[-1]), float(profile[place])
+    begin = place if math.isinf(length) else place + round(length)
+    growth = _growth(e[begin:], z[begin:])
+    whole = place + (e.size - place) // 2
+    if math.isfinite(length):
+        ends = [] if clip is None else [(int(x), y) for x, y in zip(lengths, ramps[:-1], strict=True)]
+        whole = max(_last_end(likelihood, ends), begin)
+    return Onset(place, low, high, likelihood, amplitude, std, length, whole, *growth)
 
 
-def wide_clip(innovations: Array) -> float:
-    """Return a clip that keeps the shape of a change that is larger than the noise, and no single row beyond it."""
-    return CLIP * max(1.0, 1.4826 * float(np.median(np.abs(innovations)))) if innovations.size else CLIP
+def _last_end(likelihood: float, ramps: Sequence[tuple[int, Array]]) -> int:
+    """Return the last row at which a ramp may have ended that is about as likely as the likeliest; 0 where none is."""
+    found = ((length, np.flatnonzero(ratio >= likelihood - WITHIN)) for length, ratio in ramps)
+    return max((length + int(x[-1]) for length, x in found if x.size), default=0)
+
+
+def _ramps(e: Array, z: Array) -> tuple[Array, Array]:
+    """Return lengths (l,) and the log-likelihood ratio (l + 1, n) of ramps from every row, last of one without an end.
+
+    A ramp over l rows is the one without an end from row t less that from row t + l, over l: so is its sum of z e. Sums
+    of (k - t) z^2 and (k - t)^2 z^2 over the rows k from t on are sums of sums.
+    """
+    rows = e.size
+    count = max(0, math.ceil(math.log(max(rows, 1) / SHORTEST) / math.log(LONGER))) if rows > SHORTEST else 0
+    lengths = np.unique(np.round(SHORTEST * LONGER ** np.arange(count))).astype(np.float64)
+    first = _behind(_from_the_end(z * e))
+    one = _from_the_end(z * z)
+    two = _behind(one)
+    three = _behind(2.0 * two + one)
+    ratios = np.zeros((lengths.size + 1, rows))
+    for place, length in enumerate(lengths.astype(int).tolist()):
+        last = rows - length
+        score = (first[:last] - first[length:]) / length
+        information = (three[:last] - three[length:] - 2.0 * length * two[length:]) / length**2
+        ratios[place, :last] = _ratio(score, information)
+    ratios[-1] = _ratio(first, three)
+    return lengths, ratios
+
+
+def wide_clip(innovations: Array, whitened: Array) -> float:
+    """Return a clip that keeps the shape of a change that is larger than the noise, and no single row beyond it.
+
+    What is usual is that of the rows that the signature is seen in: a lag shows behind jumps only, and the innovations
+    of all other rows are noise, however large it is.
+
+    Args:
+        innovations: (n,) since a change.
+        whitened: (n,) its signature.
+    """
+    size = np.abs(innovations)
+    order = np.argsort(size)
+    weight = np.cumsum(whitened[order] ** 2)
+    if not weight.size or weight[-1] <= 0.0:
+        return CLIP
+    return CLIP * max(1.0, 1.4826 * float(size[order[np.searchsorted(weight, 0.5 * weight[-1])]]))
 
 
 def onset_of_variance(innovations: Array, louder: bool) -> Onset:
@@ -115,7 +180,8 @@ def onset_of_variance(innovations: Array, louder: bool) -> Onset:
         float(likelihood[place]),
         own - 1.0,
         std,
-        False,
+        0.0,
+        place,
         growth,
         2.0 * growth_std,
     )
@@ -123,6 +189,11 @@ def onset_of_variance(innovations: Array, louder: bool) -> Onset:
 
 def _from_the_end(values: Array) -> Array:
     return np.cumsum(values[::-1])[::-1]
+
+
+def _behind(values: Array) -> Array:
+    """Return the sums of the values behind each of them."""
+    return np.append(_from_the_end(values)[1:], 0.0)
 
 
 def _ratio(score: Array, information: Array) -> Array:

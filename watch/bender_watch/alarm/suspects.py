@@ -69,11 +69,8 @@ def compared(
 
 def _fit(e: Array, z: Array, place: int, onset: Onset, grows_only: bool) -> _Fit:
     """Return the fit of one signature from the beginning of a change on."""
-    count = e.size - onset.place
-    weight = np.zeros(e.size)
-    weight[onset.place :] = np.arange(1.0, count + 1.0) / count if onset.ramp else 1.0
     columns = [place] if place < BESIDE else [place, *range(BESIDE)]
-    own = z[:, columns] * weight[:, None]
+    own = z[:, columns] * onset.weights(e.size)[:, None]
     fits = [_fitted(e, own, start) for start in (e, np.clip(e, -CLIP, CLIP))]
     left, best = min(((e - own @ x, x) for x in fits), key=lambda x: _size(x[0]))
     if grows_only and best[0] < 0.0:
