@@ -76,6 +76,10 @@ class Judge:
         del gains
         return replace(self.alone, value=self.times * self.alone.value) if following else self.alone
 
+    def spread(self, gains: Gains, following: Following | None = None) -> float:
+        del gains, following
+        return 0.0
+
     def keeps_overshoot(self, *_: object) -> bool:
         return True
 
