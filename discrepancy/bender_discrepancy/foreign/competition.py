@@ -75,7 +75,12 @@ class Account:
     @property
     def stands(self) -> bool:
         """Whether all of it stands in the FMU, before it or behind it, and nothing of the stand-in had to give way."""
-        return not self.changes_inside and self.diagnosis.findings.search.best.hypothesis.own is None
+        return not (self.changes_inside or self.gave_way)
+
+    @property
+    def gave_way(self) -> bool:
+        """Whether numbers of the stand-in were fitted again: the FMU's own may be off."""
+        return self.diagnosis.findings.search.best.hypothesis.own is not None
 
     @property
     def changes_inside(self) -> bool:
@@ -114,6 +119,9 @@ def compete(contest: Contest) -> Diagnosis:
         if len(off) < len(alone.parameters):
             alone = replace(_fitted(contest, _direct(contest), off), unseen=alone.unseen)
         ways += _with_parameters(contest, given, alone, off)
+    elif seen and open_gap and given.gave_way:
+        # an effect hides by itself what the stand-in had to give way to
+        ways += _beside_effects(contest, [given], alone, seen)
     if seen and open_gap:
         ways += _in_place_of_effects(contest, given, alone, seen)
     return _choose(ways, alone)
@@ -131,8 +139,21 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
     # with the parameters as given, an effect may make up for them and hide the one that is missing
     if first.effects and first.effects not in [x.effects for x in beside]:
         beside.append(first)
+    known = [x.moved for x in ways if x.moved]
+    return ways + _beside_effects(contest, beside, alone, off, known)
+
+
+def _beside_effects(
+    contest: Contest,
+    beside: Sequence[Account],
+    alone: Calibrated,
+    off: Sequence[Suspect],
+    known: Sequence[Calibrated] = (),
+) -> list[Account]:
+    """Return what is found with parameters fitted beside the effects of some ways, where these are not known values."""
     if why_none() is not None:
-        return ways
+        return []
+    ways: list[Account] = []
     # what stands beside the FMU changes its inside, as the suspected parameters do: they are fitted with it and without
     tried = [(way, inside) for way in beside for inside in ((True, False) if way.changes_inside else (True,))]
     for way, inside in tried:
@@ -141,7 +162,7 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
         if (
             again is not None
             and any(x.is_off for x in again.parameters)
-            and not is_among(again, [x.moved for x in ways if x.moved])
+            and not is_among(again, [*known, *(x.moved for x in ways if x.moved)])
         ):
             ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
     return ways
