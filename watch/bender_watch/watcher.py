@@ -530,8 +530,7 @@ class Watcher:
     def _until_whole(self, waiting: Pending, onset: Onset, rows: int) -> int:
         """Return for how many rows since a change its explanation waits until all of it is there for long enough, or 0.
 
-        A diagnosis says what stands while its rows last. Where a change comes in slowly, the first rows have little of
-        it, and its effect is another number at every row.
+        A diagnosis says what stands while its rows last: of what comes in slowly, another number at every row.
         """
         lacking = self.settings.explain_rows - (rows - onset.whole)
         if not onset.ramp or lacking <= 0:
