@@ -70,7 +70,9 @@ def square_on(problem: FitProblem, fitted: Fitted, counted: Sequence[Mask]) -> f
     return sum(float(np.sum(r[x] ** 2)) for r, x in zip(left, counted, strict=True)) / max(rows, 1)
 
 
-def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float) -> bool:
+def energy_at_floor(
+    fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float, *, everywhere: bool = False
+) -> bool:
     """Return whether the mean square of the residual is no larger than that of noise alone, by chance included.
 
     It has to be on the few rows that choices are made on, which no fit has seen. Without effects there is nothing that
@@ -78,7 +80,7 @@ def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confid
     and its own share of the rows.
     """
     every = shares_of_noise(fitted, problem)
-    for judged in (True, False):
+    for judged in (True, False) if everywhere or not fitted.hypothesis.parts else (True,):
         rows = [int((x.judging if judged else x.searched).sum()) for x in problem.observations]
         noise = noise_um**2 * sum(x * n for x, n in zip(every, rows, strict=True)) / max(sum(rows), 1)
         most = floor_limit(problem, confidence, judged=judged) * floor_square_um2(problem, math.sqrt(noise))

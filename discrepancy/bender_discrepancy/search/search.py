@@ -241,7 +241,8 @@ def _stands_in(archive: Archive, rules: Rules, simple: Fitted, best: Fitted) -> 
     more = [x for x in other.parts if x.form.effect not in one.effects]
     if set(one.effects) <= set(other.effects) and any(len(x.values) > 1 for x in more):
         return False
-    return bool(more) and rules.leaves_noise(archive, best) and not rules.leaves_noise(archive, simple)
+    noise, also = (rules.leaves_noise(archive, x, everywhere=True) for x in (best, simple))
+    return bool(more) and noise and not also
 
 
 def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> list[Fitted]:
@@ -278,7 +279,7 @@ def _beside_others(
         leader: what leaves least so far.
         stepped: the hypotheses that need no step.
     """
-    if rules.leaves_noise(archive, leader):
+    if rules.leaves_noise(archive, leader, everywhere=True):
         return []
     known = {frozenset(x.hypothesis.effects) for x in stepped}
     depth = max(len(x.hypothesis.parts) for x in stepped)

@@ -151,7 +151,8 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
     archive, grades = searched.archive, grade(searched, rules)
     for x in sorted(grades.effects, key=lambda x: x.probability):
         is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
-        is_rest = rules.leaves_noise(archive, searched.best) and not rules.leaves_noise(archive, x.without)
+        best, rest = (rules.leaves_noise(archive, y, everywhere=True) for y in (searched.best, x.without))
+        is_rest = best and not rest
         is_rest = is_rest or rules.closed_share(archive, x.without, searched.best) >= rules.closes
         if not is_rest and is_left and not rules.is_relevant(archive, x.without):
             return relevant_part(replace(searched, best=x.without), rules)

@@ -106,10 +106,16 @@ class Rules:
         stroke_um = max(float(np.ptp(x)) for x in rows)
         return math.sqrt(above_floor_um2(archive, fitted)) > self.relevant * stroke_um
 
-    def leaves_noise(self, archive: Archive, fitted: Fitted) -> bool:
-        """Return whether what a hypothesis leaves is noise, in energy and in extremes."""
+    def leaves_noise(self, archive: Archive, fitted: Fitted, *, everywhere: bool = False) -> bool:
+        """Return whether what a hypothesis leaves is noise, in energy and in extremes.
+
+        Args:
+            archive: has the noise.
+            fitted: the hypothesis.
+            everywhere: on the rows that it was fitted to as well, which say more, being more.
+        """
         problem, noise_um = archive.problem, archive.noise_um
-        return energy_at_floor(fitted, problem, noise_um, self.confidence) and extremes_at_floor(
+        return energy_at_floor(fitted, problem, noise_um, self.confidence, everywhere=everywhere) and extremes_at_floor(
             fitted, problem, noise_um
         )
 
