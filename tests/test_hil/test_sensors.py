@@ -174,7 +174,7 @@ class Scripted:
         return Reading(self.values[min(self.count, len(self.values)) - 1], time.perf_counter())
 
     def close(self) -> None:
-        pass
+        """Nothing is open."""
 
 
 def _noisy(count: int, level: float = 5.0) -> list[float]:
@@ -270,8 +270,7 @@ def test_what_is_no_reading_is_told_and_not_used(found: Any, sentence: str):
         eyes.zero(5)
         sensor.read = lambda timeout_s: found  # pyright: ignore[reportAttributeAccessIssue]
         _wait(lambda: sentence in eyes.trouble())
-        while eyes.look(0.0):
-            pass
+        _wait(lambda: eyes.look(0.0) is None)
         assert eyes.look(0.2) is None
         del sensor.read  # pyright: ignore[reportAttributeAccessIssue]
         _wait(lambda: eyes.look(0.1) is not None)

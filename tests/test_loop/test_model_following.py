@@ -54,7 +54,7 @@ class Lag:
         self.y, self.queue = state  # pyright: ignore[reportGeneralTypeIssues]
 
     def close(self) -> None:
-        pass
+        """Nothing is open."""
 
 
 def follower(dead_steps: int = 0, **changes: object) -> ModelFollower:
@@ -430,7 +430,7 @@ class CreepingPlay:
         self.time_s, self.creep_V, self.y = state  # pyright: ignore[reportGeneralTypeIssues]
 
     def close(self) -> None:
-        pass
+        """Nothing is open."""
 
 
 @pytest.mark.parametrize("levels", [(10.0,), (6.0, 12.0)])

@@ -239,7 +239,7 @@ class Late:
         return self.read()
 
     def close(self) -> None:
-        pass
+        """Nothing is open."""
 
     def _answer(self, since_s: float) -> float:
         t = since_s - self.delay_s

@@ -46,6 +46,18 @@ def slot_of(step_s: float, known_s: Array, first: int) -> int:
 
 
 @njit(cache=True)
+def _fill(matrix: Array, driven: Array, scale: float, from_start: Array, from_drive: Array) -> None:
+    inverse = np.linalg.inv(matrix)
+    product = inverse @ driven
+    for j in range(NODES):
+        total = 0.0
+        for k in range(NODES):
+            total += inverse[j, k]
+            from_drive[j, k] = scale * product[j, k]
+        from_start[j] = total
+
+
+@njit(cache=True)
 def lag_matrices(kappa: float, from_start: Array, from_source: Array) -> None:
     """Fill what a lag takes from its start and from its source over a sub-step of `kappa` time constants.
 
@@ -55,14 +67,7 @@ def lag_matrices(kappa: float, from_start: Array, from_source: Array) -> None:
     for j in range(NODES):
         for k in range(NODES):
             matrix[j, k] = (1.0 if j == k else 0.0) + kappa * A[j, k]
-    inverse = np.linalg.inv(matrix)
-    product = inverse @ A
-    for j in range(NODES):
-        total = 0.0
-        for k in range(NODES):
-            total += inverse[j, k]
-            from_source[j, k] = kappa * product[j, k]
-        from_start[j] = total
+    _fill(matrix, A, kappa, from_start, from_source)
 
 
 @njit(cache=True)
@@ -119,14 +124,7 @@ def mode_matrices(step_s: float, omega: float, zeta: float, from_start: Array, f
         for k in range(NODES):
             unit = 1.0 if j == k else 0.0
             matrix[j, k] = unit + 2.0 * zeta * omega * ha[j, k] + omega * omega * squared[j, k]
-    inverse = np.linalg.inv(matrix)
-    product = inverse @ ha
-    for j in range(NODES):
-        total = 0.0
-        for k in range(NODES):
-            total += inverse[j, k]
-            from_drive[j, k] = product[j, k]
-        from_start[j] = total
+    _fill(matrix, ha, 1.0, from_start, from_drive)
 
 
 @njit(cache=True)
