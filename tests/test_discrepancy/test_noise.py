@@ -243,3 +243,12 @@ def test_a_command_that_never_rests_has_no_rows_at_rest():
     usable, command = np.ones(600, dtype=bool), np.arange(600.0)
     assert not end_of_rests(command).any()
     assert np.isnan(from_rests(np.ones(600), usable, end_of_rests(command))[0])
+
+
+@pytest.mark.parametrize("rows", [120, 1000])
+def test_the_error_of_the_deviation_at_rest_is_that_of_new_draws(rows: int):
+    rng, usable, resting = np.random.default_rng(18), np.ones(rows, dtype=bool), np.arange(rows) > 0
+    found = [from_rests(rng.standard_normal(rows), usable, resting) for _ in range(1000)]
+    deviations, errors = np.array(found).T
+    assert np.mean(deviations) == pytest.approx(1.0, abs=0.02)
+    assert np.std(deviations) == pytest.approx(errors[0], rel=0.1)

@@ -536,3 +536,18 @@ def test_a_staircase_of_quick_levels_shows_a_loop_and_a_delay() -> None:
     record = record_of(PLAIN, HIDING_EACH_OTHER, STAIRS_V)
     found = search_records(PLAIN, [record], Settings())
     assert set(found.best.hypothesis.effects) == set(HIDING_EACH_OTHER)
+
+
+@pytest.mark.parametrize(
+    ("threshold_V", "names"), [(0.2, {"source_resistance"}), (0.4, {"source_resistance", "dead_zone"})]
+)
+def test_what_one_number_more_removes_to_the_noise_is_an_effect(threshold_V: float, names: set[str]) -> None:
+    """Both are small beside the noise; only the larger one shows over all rows."""
+    record = record_of(effects={**LAGGING, "dead_zone": {"threshold_V": threshold_V}})
+    both, alone = (hypothesis(PAPER, [record], *x) for x in ((LAG, ("dead_zone", (threshold_V,))), (LAG,)))
+    found = told([record], both, [alone]).found
+    lag = found.archive.fits[-1]
+    assert lag.hypothesis.effects == ("source_resistance",)
+    assert RULES.is_small(found.archive, found.base, lag)
+    assert RULES.leaves_noise(found.archive, lag)
+    assert set(parsimonious(found.archive, RULES).hypothesis.effects) == names

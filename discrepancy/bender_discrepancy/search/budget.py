@@ -9,7 +9,7 @@ class Budget:
 
     Attributes:
         beam: hypotheses that another effect is tried on.
-        wide: hypotheses that one quickly scanned effect is tried on, where a step on those leaves structure.
+        wide: hypotheses outside the beam that a quickly scanned effect is tried on, where a step leaves structure.
         patience: steps in turn that bring nothing.
         rough_first, rough_later: effects that are fitted roughly, on the model as given and on one with an effect.
         fitted_first, fitted_later: of these, effects that are fitted to the end.
@@ -22,6 +22,7 @@ class Budget:
         readings_per_number: a form with more free numbers than readings allow is not tried.
         nearly_done: times the noise; what leaves so little is not looked at for other valleys and forms.
         hopeless: times the least square so far; a fit does not make up for that after its start.
+        far: times the least square so far; a further effect of few numbers does not make up for that.
         enough: part of the square that a step may leave; one that takes off more is made on the leader alone.
         behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
         flexible: part of what the simple forms leave, by which a flexible one must promise less.
@@ -50,6 +51,7 @@ class Budget:
     readings_per_number: int = 4
     nearly_done: float = 1.2
     hopeless: float = 10.0
+    far: float = 100.0
     enough: float = 0.25
     behind: float = 4.0
     flexible: float = 0.05

@@ -61,7 +61,7 @@ def explore_beside_each(
         least: sum of squares on the training rows below which a promise is worth a fit.
     """
     promised: dict[frozenset[str], tuple[float, Hypothesis]] = {}
-    for parent in parents:
+    for parent in (x for x in parents if x.training_square <= BUDGET.far * least):
         for scan in add(archive, catalogue, parent):
             if isinstance(scan, Scan):
                 _promise_quickly(archive, scan, promised)
@@ -70,12 +70,12 @@ def explore_beside_each(
 
 
 def _promise_quickly(archive: Archive, scan: Scan, promised: dict[frozenset[str], tuple[float, Hypothesis]]) -> None:
-    """Keep the best promise of every set of effects, of forms of one number or of numbers that are solved for."""
+    """Keep the best promise of every set of effects, of forms of one number or of few that are solved for."""
     try:
         beside = standing(archive.problem, scan.parent)
     except np.linalg.LinAlgError:
         return
-    forms = [x for x in scan.forms if len(x.free) == 1 or _is_solved(x)]
+    forms = [x for x in scan.forms if len(x.free) == 1 or (_is_solved(x) and len(x.free) <= BUDGET.few_numbers)]
     for form, starts in zip(forms, _scans(archive, scan.parent, forms, beside, 1), strict=True):
         for start in starts:
             hypothesis = scan.parent.hypothesis.plus(form, start.values)

@@ -90,6 +90,7 @@ def search(
             [x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(archive, x)]
         )
     if best.hypothesis.parts and not stopped and rules.is_finished(archive, _base(archive, best), best):
+        tell("trying two effects in the place of one")
         _replaced(archive, catalogue, rules, best)
     best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
@@ -241,8 +242,9 @@ def _stands_in(archive: Archive, rules: Rules, simple: Fitted, best: Fitted) -> 
     more = [x for x in other.parts if x.form.effect not in one.effects]
     if set(one.effects) <= set(other.effects) and any(len(x.values) > 1 for x in more):
         return False
-    noise, also = (rules.leaves_noise(archive, x, everywhere=True) for x in (best, simple))
-    return bool(more) and noise and not also
+    if not more or rules.leaves_noise(archive, simple, everywhere=True):
+        return False
+    return rules.leaves_noise(archive, best, everywhere=True)
 
 
 def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> list[Fitted]:

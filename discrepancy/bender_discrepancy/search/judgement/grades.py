@@ -143,20 +143,26 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
     """Return the search with what its relevant effects say alone: another one goes where nobody misses it.
 
     Nobody does where the others leave less than the relevant part of the stroke without it. An effect of that size
-    stays where it closes what they leave as far as a gap has to be closed: of structure like that of a busy machine
-    between command and reading, any form may take up a part.
+    stays where it closes what they leave as far as a gap has to be closed, or to noise alone: of structure like that of
+    a busy machine between command and reading, any form may take up a part.
     """
     if len(searched.best.hypothesis.parts) < 2:
         return searched
     archive, grades = searched.archive, grade(searched, rules)
     for x in sorted(grades.effects, key=lambda x: x.probability):
         is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
-        best, rest = (rules.leaves_noise(archive, y, everywhere=True) for y in (searched.best, x.without))
-        is_rest = best and not rest
-        is_rest = is_rest or rules.closed_share(archive, x.without, searched.best) >= rules.closes
+        is_rest = rules.closed_share(archive, x.without, searched.best) >= rules.closes
+        is_rest = is_rest or _takes_all_structure(archive, rules, x.without, searched.best)
         if not is_rest and is_left and not rules.is_relevant(archive, x.without):
             return relevant_part(replace(searched, best=x.without), rules)
     return searched
+
+
+def _takes_all_structure(archive: Archive, rules: Rules, without: Fitted, fitted: Fitted) -> bool:
+    """Return whether a hypothesis leaves noise alone where one without an effect of it leaves more."""
+    if rules.leaves_noise(archive, without, everywhere=True):
+        return False
+    return rules.leaves_noise(archive, fitted, everywhere=True)
 
 
 def is_complete(archive: Archive, rules: Rules, base: Fitted, best: Fitted) -> bool:
