@@ -1,7 +1,6 @@
 """What a picture of any number of rows needs: extremes by stretches of equal length, in memory that does not grow."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,39 +16,41 @@ class Lane:
     """Extremes of the whitened residual, and the largest statistic over its threshold.
 
     Attributes:
-        table: (n, 4) of `COLUMNS`.
+        table: (n, 4) of `COLUMNS`; the last stretch may not be full.
         size: rows of a stretch.
+        filled: rows of the last stretch.
     """
 
     table: Array = field(default_factory=lambda: np.zeros((0, 4)))
     size: int = 8
-    _waiting: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    filled: int = 0
 
     def add(self, time_s: Array, innovations: Array, tops: Array) -> None:
         """Add rows (n,)."""
         rows = np.column_stack([time_s, innovations, innovations, tops])
-        self._waiting = np.concatenate([self._waiting, rows])
-        whole = len(self._waiting) // self.size
-        if whole:
-            self.table = np.concatenate([self.table, _extremes(self._waiting[: whole * self.size], self.size)])
-            self._waiting = self._waiting[whole * self.size :]
+        begin = 0
+        if 0 < self.filled < self.size and len(rows):
+            begin = min(self.size - self.filled, len(rows))
+            self.table[-1] = _extremes(np.concatenate([self.table[-1:], rows[:begin]]), begin + 1)[0]
+            self.filled += begin
+        for part in _parts(rows[begin:], self.size):
+            self.table = np.concatenate([self.table, part])
+        if begin < len(rows):
+            self.filled = (len(rows) - begin - 1) % self.size + 1
         while len(self.table) > MOST:
-            even = len(self.table) // 2 * 2
-            self.table = np.concatenate([_extremes(self.table[:even], 2), self.table[even:]])
-            self.size *= 2
+            self._put_together()
 
-    def rows(self) -> Array:
-        """Return the stretches, the last one as it stands."""
-        last = _extremes(self._waiting, len(self._waiting)) if len(self._waiting) else self._waiting
-        return np.concatenate([self.table, last])
+    def _put_together(self) -> None:
+        if len(self.table) % 2 == 0:
+            self.filled += self.size
+        self.table, self.size = np.concatenate(_parts(self.table, 2)), 2 * self.size
 
-    def state(self) -> dict[str, Any]:
-        """Return what is remembered."""
-        return {"table": self.table, "size": self.size, "waiting": self._waiting}
 
-    def restore(self, state: dict[str, Any]) -> None:
-        """Go on from a state."""
-        self.table, self.size, self._waiting = state["table"], int(state["size"]), state["waiting"]
+def _parts(rows: Array, size: int) -> list[Array]:
+    """Return the extremes of every full stretch of so many rows, and of those that are left."""
+    full = len(rows) // size * size
+    parts = [_extremes(rows[:full], size)] if full else []
+    return [*parts, _extremes(rows[full:], len(rows) - full)] if full < len(rows) else parts
 
 
 def _extremes(rows: Array, size: int) -> Array:

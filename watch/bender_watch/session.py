@@ -41,7 +41,7 @@ from bender_watch.watcher import Event, Tell, Watcher
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
 LOCK = ".lock"
 SAVED_EVERY_S = 5.0
-FORMAT = 9
+FORMAT = 10
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 

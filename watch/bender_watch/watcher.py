@@ -237,7 +237,7 @@ class Watcher:
             "offset_um": self.baseline.offset_um, "drifts": self.baseline.drift.is_followed,
             "quantities": list(self.training.quantities),
             "signatures": self.baseline.signatures.to_dict(),
-            "lane_size": self.lane.size,
+            "lane": [self.lane.size, self.lane.filled],
             "pending": None
             if pending is None
             else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows, pending.stands],
@@ -246,8 +246,7 @@ class Watcher:
         arrays: dict[str, NDArray[Any]] = {"history": self.history.table, "opening": self._opening}
         arrays |= {f"training.{name}": values for name, values in self.training.columns().items()}
         arrays |= {f"detector.{name}": values for name, values in self.detector.state().items()}
-        lane = self.lane.state()
-        return facts, arrays | {"lane.table": lane["table"], "lane.waiting": lane["waiting"]}
+        return facts, arrays | {"lane.table": self.lane.table}
 
     def restore(self, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Go on from a state of a watch with the same model and training record.
@@ -273,8 +272,7 @@ class Watcher:
         self.history.restore(arrays["history"])
         own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
         self.detector.restore(own)
-        size = facts["lane_size"]
-        self.lane.restore({"table": arrays["lane.table"], "waiting": arrays["lane.waiting"], "size": size})
+        self.lane = Lane(arrays["lane.table"], *facts["lane"])
 
     def _block(self, rows: Rows) -> Generator[Event, None, int]:
         """Take rows; return how many: no further than to where something else becomes normal."""

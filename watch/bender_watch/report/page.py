@@ -101,7 +101,7 @@ def _picture(watcher: "Watcher", events: list[dict[str, Any]]) -> Picture:
 
 
 def _lanes(watcher: "Watcher", events: list[dict[str, Any]], alt: str) -> Chart:
-    rows = watcher.lane.rows()
+    rows = watcher.lane.table
     raised = [x["time_s"] for x in events if x["event"] == "alarm"]
 
     def draw(figure: "Figure", narrow: bool) -> None:
