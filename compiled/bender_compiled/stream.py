@@ -1,7 +1,8 @@
 """Models driven row by row without an end: what every block remembers is carried from one stretch of rows to the next.
 
 The kernels are those of `simulation`, on the same sub-steps. Models that begin alike are computed together up to where
-they part. Memory is that of the longest stretch that is given at once.
+they part. Memory is that of the longest stretch that is given at once; in a long pause between two rows the device
+stands at the last command.
 """
 
 import math
@@ -22,6 +23,8 @@ SUBSTEPS_PER_ROW = 16
 """That room is made for at first; where a stretch needs more, it is cut once more with room for them."""
 LOOKED_AT_S = 10.0
 """After which it is looked whether a device that stands has come to rest, and again each time that has doubled."""
+MOST_SUBSTEPS, MOST_PARTS = 5e4, 40
+"""In which a device that stands is driven at once, and how often at most."""
 
 
 Key = tuple[Any, ...]
@@ -157,21 +160,41 @@ class Stream:
             self.advance(np.array([time_s]), np.array([voltage_V]))
 
     def stand(self, time_s: float, voltage_V: float, until_s: float) -> None:
-        """Go back to rest under 0 V, and stand at a voltage from one time up to the first row at another.
-
-        What no longer moves is not driven: the clock is moved on.
-        """
+        """Go back to rest under 0 V, and stand at a voltage from one time up to the first row at another."""
         self.begin(time_s, voltage_V)
-        stood_s, states, last_s = LOOKED_AT_S, self._states(), until_s - LOOKED_AT_S
-        while time_s + stood_s < last_s:
-            self.advance(np.array([time_s + stood_s]), np.array([voltage_V]))
+        self._stand_still(until_s)
+
+    def _stand_still(self, until_s: float) -> None:
+        """Stand at the command in force until shortly before a row.
+
+        What no longer moves, and what has stood for so many sub-steps, is not driven: the clock is moved on.
+        """
+        assert self._time_s is not None
+        begin_s, states, stood_s = self._time_s, self._states(), LOOKED_AT_S
+        most_s = self._most_at_once_s
+        last_s = until_s - min(LOOKED_AT_S, most_s)
+        if last_s <= begin_s:
+            return
+        end_s = min(last_s, begin_s + MOST_PARTS * most_s)
+        while self._time_s < end_s:
+            self._read(np.array([min(begin_s + stood_s, self._time_s + most_s, end_s)]))
+            stood_s = max(stood_s, 2.0 * (self._time_s - begin_s))
             before, states = states, self._states()
-            if all(np.array_equal(x, y) for x, y in zip(before, states, strict=True)):
-                for feed in self._feeds:
-                    feed.forget_until(time_s + stood_s, last_s, self.linear)
-                self._time_s = last_s
-                return
-            stood_s *= 2.0
+            if not self._commands_wait and all(np.array_equal(x, y) for x, y in zip(before, states, strict=True)):
+                break
+        for feed in self._feeds:
+            feed.forget_until(self._time_s, last_s, self.linear)
+            if self.linear:
+                feed.instants_s[0] = last_s
+        self._time_s = last_s
+
+    @property
+    def _most_at_once_s(self) -> float:
+        return MOST_SUBSTEPS * self.bounds.longest_s
+
+    @property
+    def _commands_wait(self) -> bool:
+        return any(x.instants_s[-1] > self._time_s for x in self._feeds)
 
     def _states(self) -> list[Array]:
         return [np.zeros(0) if x.state is None else np.array(x.state, dtype=float) for x in self._nodes]
@@ -190,10 +213,24 @@ class Stream:
         Raises:
             ArithmeticError: a model ran away.
         """
-        readings = np.empty((len(self.models), time_s.size))
         acting_s = time_s if command_time_s is None else command_time_s
-        for feed in self._feeds:
-            feed.take(acting_s, voltage_V)
+        before_s = float(time_s[0]) if self._time_s is None else self._time_s
+        pauses = np.flatnonzero(np.diff(time_s, prepend=before_s) > 2.0 * self._most_at_once_s).tolist()
+        begin, readings = 0, np.empty((len(self.models), time_s.size))
+        for end in [*pauses, time_s.size]:
+            part = slice(begin, end)
+            if begin < end:
+                for feed in self._feeds:
+                    feed.take(acting_s[part], voltage_V[part])
+                readings[:, part] = self._read(time_s[part])
+            if end < time_s.size:
+                self._stand_still(float(time_s[end]))
+            begin = end
+        return readings
+
+    def _read(self, time_s: Array) -> Array:
+        """Return the readings (models, n) at further instants under the commands that were taken."""
+        readings = np.empty((len(self.models), time_s.size))
         first = self._time_s is None
         begin_s = float(time_s[0]) if self._time_s is None else self._time_s
         rows_s = time_s if first else np.concatenate([[begin_s], time_s])

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from bender_compiled.parallel_map import THREADS, parallel_map
 from bender_compiled.simulation import Bounds, Drive, Simulator, own_bounds
-from bender_compiled.stream import Stream
+from bender_compiled.stream import LOOKED_AT_S, MOST_PARTS, MOST_SUBSTEPS, Stream
 from bender_plant.model import Model, load_model
 from bender_plant.plant import Plant
 
@@ -181,3 +181,38 @@ def test_longer_sub_steps_miss_little() -> None:
     fine, coarse = (in_stretches(Stream((PAPER,), coarser=x), [])[0] for x in (1.0, 16.0))
     assert 0.0 < np.max(np.abs(fine - coarse)) < 1e-2
     assert own_bounds(PAPER, 16.0).longest_s > own_bounds(PAPER).longest_s
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("pause_s", [500.0, 3000.0])
+def test_a_device_stands_through_a_pause(pause_s: float, linear: bool) -> None:
+    """As if rows of the pause had come: the same command, and before the next row a straight way to it."""
+    models = (PAPER, PAPER.with_block("creep", gains=(0.1,), time_constants_s=(200.0,)))
+    before = TIME[-1] + pause_s + TIME[0] - LOOKED_AT_S
+    waiting = np.arange(TIME[-1] + 10.0, before, 10.0)
+    later, commands = TIME[-1] + pause_s + TIME, VOLTAGE + 5.0
+    paused, driven = Stream(models, linear), Stream(models, linear)
+    paused.advance(TIME, VOLTAGE)
+    found = paused.advance(later, commands)
+    driven.advance(TIME, VOLTAGE)
+    driven.advance(np.append(waiting, before), np.full(waiting.size + 1, VOLTAGE[-1]))
+    assert found == pytest.approx(driven.advance(later, commands), abs=1e-7)
+
+
+@pytest.mark.parametrize("pause_s", [1e5, 1e8])
+def test_no_pause_asks_for_more_than_is_driven_at_once(pause_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[int] = []
+    cut = Stream._grid  # pyright: ignore[reportPrivateUsage]
+
+    def counted(stream: Stream, feed: Any, rows_s: np.ndarray) -> Any:
+        assert rows_s[-1] - rows_s[0] < 1e4
+        signal = cut(stream, feed, rows_s)
+        sizes.append(signal.h.size)
+        return signal
+
+    monkeypatch.setattr(Stream, "_grid", counted)
+    stream = Stream((PAPER.with_block("creep", gains=(0.1,), time_constants_s=(1e4,)),))
+    stream.advance(TIME, VOLTAGE)
+    stream.advance(TIME[-1] + pause_s + TIME, VOLTAGE)
+    assert max(sizes) <= 1.1 * MOST_SUBSTEPS
+    assert sum(sizes) <= 1.1 * MOST_SUBSTEPS * MOST_PARTS
