@@ -1,14 +1,19 @@
-"""What came before a record is unknown, and no change of the device: creep, play, a pause shorter than the memory."""
+"""What came before a record, or while rows are missing, is unknown, and no change of the device."""
+
+import contextlib
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_export.build import ensure_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model, model_from_table
 from bender_watch.baseline.beginning import COUNT, Beginning
-from bender_watch.baseline.expectation import OfModel
-from bender_watch.baseline.learn import Baseline, learn
+from bender_watch.baseline.expectation import OfFmu, OfModel
+from bender_watch.baseline.learn import Baseline, learn, settling_rows
+from bender_watch.baseline.pause import Pause
 from bender_watch.follow.rows import Rows
 from bender_watch.sequential.detector import JUDGED, Detector, Noise, make_tests
 from bender_watch.settings import Settings
@@ -54,6 +59,13 @@ def known() -> dict[str, tuple[Record, Baseline]]:
     return found
 
 
+def without(record: Record, missing: slice | np.ndarray) -> Record:
+    time_s, voltage_V, read_um = (
+        np.delete(x, missing) for x in (record.time_s, record.voltage_V, record.displacement_um)
+    )
+    return Record(time_s, voltage_V, read_um)
+
+
 def alarms(known: dict[str, tuple[Record, Baseline]], name: str, record: Record) -> list[int]:
     watcher, rows = Watcher(MODELS[name], *known[name], HOW), Rows.of(record)
     return [x["row"] for x in [*watcher.begin_record("own", rows), *watcher.take(rows)] if x["event"] == "alarm"]
@@ -95,12 +107,12 @@ def test_pasts_fade_and_are_forgotten() -> None:
     beginning = Beginning(PAPER, False, (-30.0, 30.0), NOISE_um, 1.0 / RATE_Hz)
     beginning.begin(0.0, 10.0, rest=False)
     time = np.arange(1500) / RATE_Hz
-    whole = beginning.advance(time, 10.0 * np.cos(time), None)
+    whole = beginning.courses.advance(time, 10.0 * np.cos(time), None)
     assert np.max(np.abs(whole[0])) > 1.0
     assert np.all(whole[-100:] == 0.0)
     other = Beginning(PAPER, False, (-30.0, 30.0), NOISE_um, 1.0 / RATE_Hz)
     other.begin(0.0, 10.0, rest=False)
-    parts = [other.advance(time[a : a + 70], 10.0 * np.cos(time[a : a + 70]), None) for a in range(0, 1500, 70)]
+    parts = [other.courses.advance(time[a : a + 70], 10.0 * np.cos(time[a : a + 70]), None) for a in range(0, 1500, 70)]
     assert np.allclose(np.concatenate(parts), whole, atol=1e-9)
 
 
@@ -139,7 +151,7 @@ def test_unknown_amplitudes_leave_white_noise_of_unit_variance() -> None:
 def test_an_fmu_has_no_pasts() -> None:
     beginning = Beginning(None, False, (0.0, 1.0), 1.0, 1.0)
     beginning.begin(0.0, 0.0, rest=False)
-    assert np.array_equal(beginning.advance(np.arange(3.0), np.zeros(3), None), np.zeros((3, COUNT)))
+    assert np.array_equal(beginning.courses.advance(np.arange(3.0), np.zeros(3), None), np.zeros((3, COUNT)))
 
 
 def test_noise_below_the_least_is_not_quieter() -> None:
@@ -154,3 +166,65 @@ def test_noise_below_the_least_is_not_quieter() -> None:
     watcher, rows = Watcher(BEAM, training, learn(BEAM, training, 1e6), HOW), Rows.of(clean[1])
     events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
     assert [x["event"] for x in events if x["event"] == "alarm"] == []
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("missing", [1, 5, 150, 600])
+def test_rows_that_are_missing_while_the_command_moves_are_no_alarm(
+    name: str, missing: int, known: dict[str, tuple[Record, Baseline]]
+) -> None:
+    for seed in range(2, 7):
+        begin = 300 + 100 * seed
+        assert alarms(known, name, without(recorded(MODELS[name], seed), slice(begin, begin + missing))) == []
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_rows_that_are_missing_here_and_there_are_none(name: str, known: dict[str, tuple[Record, Baseline]]) -> None:
+    missing = np.flatnonzero(np.random.default_rng(9).random(ROWS) < 0.01)
+    assert alarms(known, name, without(recorded(MODELS[name], 3), missing)) == []
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("missing", [1, 150])
+def test_a_level_that_moves_while_rows_are_missing_is_one(
+    name: str, missing: int, known: dict[str, tuple[Record, Baseline]]
+) -> None:
+    (row,) = alarms(known, name, without(recorded(MODELS[name], 2, 0, 0.3, 1200), slice(1200 - missing, 1200)))
+    assert 1200 - missing < row < 1440 - missing
+
+
+def test_a_device_that_stands_while_rows_are_missing_has_no_other_ways() -> None:
+    pause = Pause(PAPER, False, (0.0, 30.0), NOISE_um, 1.0 / RATE_Hz, 0.0)
+    stood = OfModel(PAPER)
+    stood.begin(0.0, 10.0, rest=False)
+    stood.advance(np.zeros(1), np.full(1, 10.0), None)
+    assert not pause.pass_over(stood.own_state, (0.0, 10.0), (3.0, 10.0))
+    assert pause.pass_over(stood.own_state, (0.0, 10.0), (3.0, 20.0))
+    added = pause.courses.advance(np.array([3.0]), np.array([20.0]), None)
+    assert added[0, 0] > 1.0
+
+
+def test_the_next_row_is_judged_alike_whether_rows_are_missing_before_it_in_this_part_or_the_last(
+    known: dict[str, tuple[Record, Baseline]],
+) -> None:
+    record = without(recorded(PAPER, 4), slice(500, 540))
+    rows, found = Rows.of(record), []
+    for cuts in ([], [499], [500], [501], [200, 500, 900]):
+        seen: list[np.ndarray] = []
+        watcher = Watcher(PAPER, *known["paper"], HOW, seen=lambda _, e, __, seen=seen: seen.append(e.copy()))
+        list(watcher.begin_record("own", rows))
+        for begin, end in pairwise([0, *cuts, len(rows)]):
+            list(watcher.take(rows.part(slice(begin, end))))
+        found.append(np.concatenate(seen))
+    assert all(np.allclose(x, found[0], rtol=0.0, atol=1e-6, equal_nan=True) for x in found)
+
+
+def test_behind_missing_rows_an_fmu_is_not_judged_for_a_while(known: dict[str, tuple[Record, Baseline]]) -> None:
+    training, _ = known["paper"]
+    with contextlib.closing(OfFmu(ensure_plant_fmu("paper"))) as fmu:
+        watcher = Watcher(None, training, learn(fmu, training, HOW.rows_between_false_alarms), HOW)
+        record = without(recorded(PAPER, 5), slice(800, 840))
+        rows = Rows.of(record)
+        events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
+    assert [x["event"] for x in events if x["event"] == "alarm"] == []
+    assert watcher.judged <= len(rows) - 2 * 2 * settling_rows(False, watcher.baseline.rows)

@@ -157,7 +157,7 @@ def test_every_crest_of_a_slow_sine_is_no_news(device: Any) -> None:
     rows = Rows(time, volts, np.full(8_000, np.nan), None)
     said = [x["event"] for x in [*watcher.begin_record("own", rows), *watcher.take(rows)]]
     assert 1 <= said.count("outside_training_range") <= 4
-    assert watcher.outside > 2000
+    assert watcher.excursions.rows > 2000
 
 
 def test_one_that_was_killed_goes_on_and_says_nothing_twice(

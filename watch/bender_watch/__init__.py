@@ -6,6 +6,7 @@
 | `baseline` | what is normal: expectation, noise, what each effect would add |
 | `beside_run` | lines for the live page of a run |
 | `command` | `bender watch` |
+| `excursions` | where the commands leave what the training record has seen |
 | `follow` | where rows come from |
 | `held` | rows beside what is expected of them, an alarm that waits |
 | `lane` | extremes of any number of rows, for pictures |

@@ -203,7 +203,7 @@ def summary_of(watcher: "Watcher", events: list[dict[str, Any]]) -> dict[str, An
             "rows": watcher.rows,
             "judged": watcher.judged,
             "lost": watcher.lost,
-            "outside_training_range": watcher.outside,
+            "outside_training_range": watcher.excursions.rows,
             "alarms": watcher.alarms,
             "rows_between_false_alarms": watcher.settings.rows_between_false_alarms,
             "events": [x for x in events if x["event"] in ("alarm", "explained", "trend")],

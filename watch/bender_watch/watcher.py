@@ -33,11 +33,14 @@ from bender_watch.alarm.explain import (
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset
 from bender_watch.alarm.still import ADVICE, NO_READING, repeats_of, silent_after
-from bender_watch.baseline.beginning import AMPLITUDE, COUNT, doubt_of, fitted, whitened_rows
+from bender_watch.baseline.beginning import COUNT, fitted, whitened_rows
+from bender_watch.baseline.courses import AMPLITUDE, doubt_of
 from bender_watch.baseline.drift import FOLLOWED
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, learn, settling_rows
+from bender_watch.baseline.pause import WAYS
 from bender_watch.baseline.place import moved_before, reads_rest
+from bender_watch.excursions import Excursions
 from bender_watch.follow.rows import Rows
 from bender_watch.held import Block, Pending
 from bender_watch.lane import Lane
@@ -55,9 +58,6 @@ STRETCH = 1024
 """Rows that are judged at once, at most; explanations and trends come at multiples of it."""
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
-INSIDE_AGAIN = 64
-"""Rows inside the training range after which an excursion is over, twice as many for each further one: every crest of a
-sine is no news, however slow it is."""
 LED_BY = 1000
 """Rows before those of a diagnosis that lead it to where the device was: before a step it moved as its model."""
 SURE = 0.99
@@ -68,8 +68,9 @@ FEWEST_TO_LEARN = 256
 """Judged rows since a change from which it is learned what is normal now."""
 ANY_LEVEL = 1e6
 """Deviations of the noise by which the level of a record that began in motion may lie anywhere."""
-UNKNOWNS = 1 + COUNT
-"""Columns that are not known of a record: its level, and what came before it."""
+PAST, PAUSED = slice(1, 1 + COUNT), slice(1 + COUNT, 1 + COUNT + len(WAYS))
+UNKNOWNS = PAUSED.stop
+"""Columns that are not known of a record: its level, what came before it, and while rows were missing."""
 OPENED_AT = np.cumsum([1, 1, 1, 1, UNKNOWNS, FOLLOWED]).tolist()
 OPENED = OPENED_AT[-1] + 1
 """Columns of the first rows of a record: residual, spread, gap, step, what is not known, the drift, and a doubt."""
@@ -106,14 +107,11 @@ class Watcher:
     rows: int = field(default=0, init=False)
     judged: int = field(default=0, init=False)
     lost: int = field(default=0, init=False)
-    outside: int = field(default=0, init=False)
+    excursions: Excursions = field(default_factory=Excursions, init=False)
     explanations: list[Explanation] = field(default_factory=list, init=False)
     _pending: Pending | None = field(default=None, init=False)
-    _last: tuple[float, float] | None = field(default=None, init=False)
+    _last: tuple[float, float, float] | None = field(default=None, init=False)
     _unjudged: int = field(default=0, init=False)
-    _is_outside: bool = field(default=False, init=False)
-    _inside: int = field(default=0, init=False)
-    _inside_again: int = field(default=INSIDE_AGAIN, init=False)
     _told: set[str] = field(default_factory=set, init=False)
     _raised: set[str] = field(default_factory=set, init=False)
     _silent_rows: int = field(default=0, init=False)
@@ -134,7 +132,8 @@ class Watcher:
     def _take_baseline(self, baseline: Baseline, level_um: float) -> None:
         self.baseline, self._opening = baseline, np.zeros((0, OPENED))
         self.detector = Detector(baseline.noise, baseline.tests, UNKNOWNS + FOLLOWED, FOLLOWED)
-        known = np.append(level_um, baseline.past)
+        known = np.zeros(UNKNOWNS)
+        known[0], known[PAST] = level_um, baseline.past
         self._take_known(known, np.zeros((UNKNOWNS, UNKNOWNS)), *baseline.drift.at_the_end())
         self.history = History(len(baseline.tests.names))
         self._raised |= set(baseline.raised)
@@ -158,7 +157,9 @@ class Watcher:
         self._unjudged = settling if self.model is not None else 2 * settling
         self.history.clear()
         self.detector.reset()
-        self._deviations = np.append(0.0 if rest else ANY_LEVEL * self.baseline.noise_um, np.full(COUNT, AMPLITUDE))
+        self._deviations = np.append(
+            0.0 if rest else ANY_LEVEL * self.baseline.noise_um, np.full(UNKNOWNS - 1, AMPLITUDE)
+        )
         unknown = np.diag(self._deviations**2) if stood else np.zeros((UNKNOWNS, UNKNOWNS))
         self._take_known(np.zeros(UNKNOWNS), unknown, *self.detector.drift)
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
@@ -168,6 +169,7 @@ class Watcher:
         one, time_s, voltage_V = first.part(slice(0, 1)), float(first.time_s[0]), float(first.voltage_V[0])
         rest = starts_at_rest(first.voltage_V[:2]) or reads_rest(self.baseline, one)
         self.baseline.beginning.begin(time_s, voltage_V, rest=rest)
+        self.baseline.pause.courses.end()
         stood = rest and not moved_before(self.baseline, one, lambda x: self._drift_um(x, self._steps(one.time_s)))
         self.baseline.expectation.begin(time_s, voltage_V, rest=rest)
         return rest, stood
@@ -194,7 +196,9 @@ class Watcher:
         """
         begin = 0
         while begin < len(rows):
-            begin += yield from self._block(rows.part(slice(begin, begin + AT_ONCE)))
+            part = rows.part(slice(begin, begin + AT_ONCE))
+            pauses = np.flatnonzero(np.diff(part.time_s) > A_GAP * self.baseline.interval_s)
+            begin += yield from self._block(part.part(slice(0, int(pauses[0]) + 1)) if pauses.size else part)
 
     def finish(self) -> Iterator[Event]:
         """Explain an alarm that still waits, and say what the trends are."""
@@ -227,9 +231,9 @@ class Watcher:
         pending = self._pending
         facts = {
             "model": None if self.model is None else self.model.to_table(),
-            "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
-            "last": self._last, "unjudged": self._unjudged, "is_outside": self._is_outside,
-            "inside": [self._inside, self._inside_again], "behind_s": self._behind_s, "clock_s": self._clock_s,
+            "counts": [self.alarms, self.rows, self.judged, self.lost],
+            "last": self._last, "unjudged": self._unjudged, "excursions": asdict(self.excursions),
+            "behind_s": self._behind_s, "clock_s": self._clock_s,
             "told": sorted(self._told), "raised": sorted(self._raised),
             "trends": self.trends.state(), "moved": self._moved.tolist(),
             "deviations": self._deviations.tolist(),
@@ -241,7 +245,8 @@ class Watcher:
             "pending": None
             if pending is None
             else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows, pending.stands],
-            "expectation": self.baseline.expectation.state(), "beginning": self.baseline.beginning.state(),
+            "expectation": self.baseline.expectation.state(), "beginning": self.baseline.beginning.courses.state(),
+            "pause": self.baseline.pause.courses.state(),
         }  # fmt: skip
         arrays: dict[str, NDArray[Any]] = {"history": self.history.table, "opening": self._opening}
         arrays |= {f"training.{name}": values for name, values in self.training.columns().items()}
@@ -254,10 +259,9 @@ class Watcher:
         Raises:
             ValueError: it is of another one.
         """
-        self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
+        self.alarms, self.rows, self.judged, self.lost = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
-        self._unjudged, self._is_outside = facts["unjudged"], facts["is_outside"]
-        self._inside, self._inside_again = facts["inside"]
+        self._unjudged, self.excursions = facts["unjudged"], Excursions(**facts["excursions"])
         self._behind_s, self._clock_s = facts["behind_s"], facts["clock_s"]
         self._told, self._raised, self._moved = set(facts["told"]), set(facts["raised"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
@@ -268,7 +272,8 @@ class Watcher:
             event, exceedance, *rows = facts["pending"]
             self._pending = Pending(event, Exceedance(**exceedance), *rows)
         self.baseline.expectation.restore(facts["expectation"])
-        self.baseline.beginning.restore(facts["beginning"])
+        self.baseline.beginning.courses.restore(facts["beginning"])
+        self.baseline.pause.courses.restore(facts["pause"])
         self.history.restore(arrays["history"])
         own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
         self.detector.restore(own)
@@ -277,15 +282,17 @@ class Watcher:
     def _block(self, rows: Rows) -> Generator[Event, None, int]:
         """Take rows; return how many: no further than to where something else becomes normal."""
         base = self.baseline
+        self._pass_over(float(rows.time_s[0]), float(rows.voltage_V[0]))
         try:
             expected, raw = base.expectation.advance(rows.time_s, rows.voltage_V, rows.command_time_s)
-            pasts = base.beginning.advance(rows.time_s, rows.voltage_V, rows.command_time_s)
+            of_courses = (base.beginning.courses, base.pause.courses)
+            pasts, ways = (x.advance(rows.time_s, rows.voltage_V, rows.command_time_s) for x in of_courses)
         except ArithmeticError as error:
             raise InputError(f"row {self.rows + 1}: {error}") from None
-        before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
+        before_s, before_um = self._last[:2] if self._last else (rows.time_s[0] - base.interval_s, expected[0])
         steps = np.diff(rows.time_s, prepend=before_s)
-        drift, doubt = base.drift.columns_um(expected), doubt_of(pasts, base.noise_um)
-        columns = np.column_stack([np.ones(len(rows)), pasts, drift, doubt])
+        drift, doubt = base.drift.columns_um(expected), np.hypot(*(doubt_of(x, base.noise_um) for x in (pasts, ways)))
+        columns = np.column_stack([np.ones(len(rows)), pasts, ways, drift, doubt])
         block = Block(
             rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
             columns, self._steps(rows.time_s), base.spread(expected, before_um, steps),
@@ -302,6 +309,18 @@ class Watcher:
             yield from self._stretch(part)
         return begin
 
+    def _pass_over(self, time_s: float, voltage_V: float) -> None:
+        """Let what is not known of a pause before a row be learned from the rows behind it."""
+        base = self.baseline
+        if self._last is None or time_s - self._last[0] <= A_GAP * base.interval_s:
+            return
+        before_s, _, before_V = self._last
+        if not isinstance(base.expectation, OfModel):
+            if voltage_V != before_V:
+                self._unjudged = max(self._unjudged, 2 * settling_rows(False, base.rows))
+        elif base.pause.pass_over(base.expectation.own_state, (before_s, before_V), (time_s, voltage_V)):
+            self.detector.unlearn(PAUSED, AMPLITUDE)
+
     def _silences(self, read: Array) -> list[int]:
         """Return behind which rows (n,) a sensor has just been silent for too long."""
         rows = np.arange(read.size)
@@ -313,7 +332,7 @@ class Watcher:
         kinds = block.gaps + np.where(block.beyond, NOT_JUDGED, JUDGED)
         settling = min(self._unjudged, len(rows))
         kinds[:settling] = NOT_JUDGED + block.gaps[:settling]
-        yield from self._outside(rows, block.expected_um, block.beyond)
+        yield from self.excursions.take(self.baseline.range, block, self.rows, self.units)
         if settling:
             opened = [residual, block.spread, block.gaps, block.steps, block.columns_um]
             self._opening = np.concatenate([self._opening, np.column_stack(opened)[:settling]])
@@ -332,7 +351,7 @@ class Watcher:
             begin = part.stop
             if found.exceedance is not None:
                 yield self._alarm(found.exceedance)
-        self._last = (float(rows.time_s[-1]), float(block.expected_um[-1]))
+        self._last = (float(rows.time_s[-1]), float(block.expected_um[-1]), float(rows.voltage_V[-1]))
         self._clock_s = self._last[0] + self._behind_s
         self._unjudged -= settling
         read = np.flatnonzero(np.isfinite(rows.displacement_um))
@@ -377,27 +396,6 @@ class Watcher:
         scales = self.baseline.scales[:2]
         z = whitened[:, :2] / np.where(scales > 0.0, scales, np.inf)
         self.trends.add(time_s, e + z[:, 0] * self._moved[0] + z[:, 1] * self._moved[1], z[:, 0], z[:, 1])
-
-    def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
-        """Say where the commands leave what the training record has seen, and where they have come back for good."""
-        self.outside += int(beyond.sum())
-        begin = 0
-        for k in [*np.flatnonzero(beyond).tolist(), len(rows)]:
-            back = begin + self._inside_again - self._inside - 1
-            if self._is_outside and back < k:
-                self._is_outside, self._inside_again = False, 2 * self._inside_again
-                yield {"event": "inside_again", "row": self.rows + back + 1, "time_s": float(rows.time_s[back])}
-            if k == len(rows):
-                self._inside += k - begin
-                break
-            if not self._is_outside:
-                known = self.baseline.range
-                yield {
-                    "event": "outside_training_range", "row": self.rows + k + 1, "time_s": float(rows.time_s[k]),
-                    "voltage_V": float(rows.voltage_V[k]), "expected_um": float(expected[k]),
-                    "range_V": [known.low_V, known.high_V], "range_um": [known.low_um, known.high_um],
-                } | self.units  # fmt: skip
-            self._is_outside, self._inside, begin = True, 0, k + 1
 
     def _open(self) -> None:
         """Take from the first rows what nobody knew before them: the level of this record, and what came before it."""

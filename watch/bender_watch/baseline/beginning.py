@@ -10,14 +10,12 @@ amplitudes of about 1.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_compiled.stream import Stream
 from bender_plant.model import Model
-from bender_watch.baseline.candidates import COARSER
+from bender_watch.baseline.courses import Courses
 from bender_watch.baseline.expectation import rest_before_s
 from bender_watch.baseline.noise import innovations
 from bender_watch.sequential.detector import CLIP, Noise
@@ -34,28 +32,10 @@ PASTS: tuple[tuple[tuple[float, ...], int], ...] = (
 From the first command (0) to the further end of the range (1), and to the nearer one (-1).
 """
 COUNT = len(PASTS)
-FAR, QUARTER = 1, 5
-"""Pasts of which one is a fourth of the other, where a device is linear."""
-BENDS = 3.0
-"""Times by which a sum of pasts may be further off than a fourth of one."""
-AMPLITUDE = 1.0
-"""Deviation of the amplitude of a past."""
-FADED, FADED_ROWS = 1e-3, 256
-"""Of the noise: a past that adds less over so many rows is forgotten."""
 KNOWN = 1e-9
 """Deviation of an amplitude that is known beforehand."""
-AT_ONCE = 256
-"""Rows after which it is looked whether the pasts have faded."""
 ROUNDS = 8
 """Of setting rows aside and fitting again."""
-
-
-def doubt_of(pasts_um: Array, noise_um: float) -> Array:
-    """Return by how many deviations of the noise rows (n,) of a past may be off that is no sum of pasts.
-
-    A device is as far from linear as they show themselves.
-    """
-    return BENDS * np.abs(pasts_um[:, QUARTER] - 0.25 * pasts_um[:, FAR]) / noise_um
 
 
 @dataclass(slots=True)
@@ -68,6 +48,7 @@ class Beginning:
         range_V: commands that the device has seen.
         least_um: what matters.
         interval_s: from row to row.
+        courses: what the pasts add.
     """
 
     model: Model | None
@@ -75,22 +56,19 @@ class Beginning:
     range_V: tuple[float, float]
     least_um: float
     interval_s: float
-    _made: list[Stream] = field(init=False)
-    _streams: list[Stream] = field(default_factory=list[Stream], init=False)
-    _quiet: int = field(default=0, init=False)
+    courses: Courses = field(init=False)
 
     def __post_init__(self) -> None:
-        count = 0 if self.model is None else COUNT + 1
-        self._made = [Stream((self.model,), self.linear, COARSER) for _ in range(count) if self.model is not None]
+        self.courses = Courses(self.model, self.linear, COUNT, self.least_um)
 
     def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
         """Begin a record."""
-        self._streams, self._quiet = self._made, 0
-        if not self._streams:
+        streams = self.courses.begin()
+        if not streams:
             return
         low, high = self.range_V
         far, near = (high, low) if voltage_V - low < high - voltage_V else (low, high)
-        own, *others = self._streams
+        own, *others = streams
         if rest:
             own.begin()
         else:
@@ -105,44 +83,10 @@ class Beginning:
 
     def first_um(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
         """Return what each past adds to the first row (1, `COUNT`), which has yet to be taken."""
-        known = self.state()
-        added = self.advance(time_s, voltage_V, command_time_s)
-        self.restore(known)
+        known = self.courses.state()
+        added = self.courses.advance(time_s, voltage_V, command_time_s)
+        self.courses.restore(known)
         return added
-
-    def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
-        """Return what each past adds to the readings (n, `COUNT`) in um, 0 from where all have faded."""
-        added = np.zeros((time_s.size, COUNT))
-        for begin in range(0, time_s.size, AT_ONCE):
-            if not self._streams:
-                break
-            part = slice(begin, begin + AT_ONCE)
-            acting_s = None if command_time_s is None else command_time_s[part]
-            added[part] = self._added(time_s[part], voltage_V[part], acting_s)
-        return added
-
-    def _added(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> Array:
-        own, *others = (x.advance(time_s, voltage_V, command_time_s)[0] for x in self._streams)
-        added = np.column_stack(others) - own[:, None]
-        rows = np.arange(time_s.size)
-        loud = np.max(np.abs(added), axis=1) > FADED * self.least_um
-        quiet = rows - np.maximum.accumulate(np.where(loud, rows, -1 - self._quiet))
-        self._quiet = int(quiet[-1])
-        if np.any(quiet > FADED_ROWS):
-            added[int(np.argmax(quiet > FADED_ROWS)) :] = 0.0
-            self._streams = []
-        return added
-
-    def state(self) -> Any:
-        """Return what is remembered, as JSON can hold it."""
-        return [self._quiet, [x.state() for x in self._streams]]
-
-    def restore(self, state: Any) -> None:
-        """Go on from a state."""
-        self._quiet, own = state
-        self._streams = self._made if own else []
-        for stream, known in zip(self._streams, own, strict=True):
-            stream.restore(known)
 
 
 def whitened_rows(noise: Noise, columns: Array, usable: Mask, spread: Array, gaps: Sequence[int]) -> Array:

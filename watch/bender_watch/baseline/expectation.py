@@ -111,6 +111,11 @@ class OfModel:
                 added[:, places] = (readings[1:] - readings[0]).T
         return expected, added
 
+    @property
+    def own_state(self) -> Any:
+        """What the stream of the device remembers."""
+        return self._own.state()
+
     def state(self) -> Any:
         """Return what the streams remember."""
         beside = [None if k in self._lost else x.state() for k, (x, _) in enumerate(self._beside)]

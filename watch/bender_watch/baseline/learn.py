@@ -13,11 +13,13 @@ from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import clearly_better, starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model, model_from_table
-from bender_watch.baseline.beginning import AMPLITUDE, COUNT, Beginning
+from bender_watch.baseline.beginning import COUNT, Beginning
 from bender_watch.baseline.candidates import candidates
+from bender_watch.baseline.courses import AMPLITUDE
 from bender_watch.baseline.drift import SLOPES, Drift
 from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
+from bender_watch.baseline.pause import Pause
 from bender_watch.baseline.signatures import Group, distinct_groups
 from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, QUIET_CLIP, Detector, Noise, Tests, make_tests
 from bender_watch.sequential.kernel import CUSUMS, QUIET_REFERENCE
@@ -111,6 +113,7 @@ class Baseline:
         beginning: what came before a record; here at the end of the training record.
         past: (COUNT,) amplitudes of what came before the training record.
         drift: of level and gain, that is followed.
+        pause: ways of the command where rows are missing.
         grows_only: (j,) signatures of effects that are there or not, with one sign only.
     """
 
@@ -131,6 +134,7 @@ class Baseline:
     beginning: Beginning
     past: Array
     drift: Drift
+    pause: Pause
 
     @property
     def signatures(self) -> Signatures:
@@ -252,7 +256,7 @@ def learn(
         raw = _driven(full, record, rest)[1]
     shapes = np.column_stack([np.ones(expected.size), expected, raw])
     sizes = np.sqrt(np.mean(shapes[kept] ** 2, axis=0))
-    beginning.least_um = noise_um = float(noise.spreads_um[0])
+    beginning.courses.least_um = noise_um = float(noise.spreads_um[0])
     scales = np.where(sizes > 0.0, noise_um / np.where(sizes > 0.0, sizes, 1.0), 0.0)
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
@@ -264,10 +268,14 @@ def learn(
         # what lies below the least noise is quieter than that from the beginning
         tests = replace(tests, cusum_limits=np.append(tests.cusum_limits[:-1], np.inf))
     where = _range(record.voltage_V, expected, read, rest=rest)
+    pause = Pause(
+        beginning.model, linear, (where.low_V, where.high_V), noise_um, beginning.interval_s,
+        float(np.std(np.diff(record.voltage_V))),
+    )  # fmt: skip
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
-        jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
-        np.array(only or [False] * len(titles)), beginning, found[2:-SLOPES], drift,
+        jitter_s, beginning.interval_s, where, int(kept.sum()), (), rest,
+        np.array(only or [False] * len(titles)), beginning, found[2:-SLOPES], drift, pause,
     )  # fmt: skip
     tell("holding the tests against the training record itself")
     return _quiet_on_training(baseline, residual, shapes * scales, usable, spread)
@@ -366,7 +374,7 @@ def _pasts(model: Model | None, record: Record, *, linear: bool, rest: bool) -> 
     range_V = (float(np.min(record.voltage_V)), float(np.max(record.voltage_V)))
     beginning = Beginning(model, linear, range_V, 0.0, float(np.median(np.diff(record.time_s))))
     beginning.begin(float(record.time_s[0]), float(record.voltage_V[0]), rest=rest)
-    return beginning, beginning.advance(record.time_s, record.voltage_V, record.command_time_s)
+    return beginning, beginning.courses.advance(record.time_s, record.voltage_V, record.command_time_s)
 
 
 def _deviations(readings_um: Array, expected: Array) -> Array:

@@ -234,6 +234,13 @@ class Detector:
         self._arrays["amplitudes"][:], self._arrays["covariance"][:] = amplitudes, covariance
         self.forget()
 
+    def unlearn(self, columns: slice, deviation: float) -> None:
+        """Know no more of some columns than the deviation of their amplitudes; the next row is behind a gap."""
+        amplitudes, covariance = self.amplitudes, self.covariance
+        amplitudes[columns] = covariance[columns] = covariance[:, columns] = 0.0
+        np.fill_diagonal(covariance[columns, columns], deviation**2)
+        self.forget()
+
     def forget(self) -> None:
         """Take the next row for one behind a gap."""
         self._arrays["counts"][0] = self._arrays["counts"][2] = 0
