@@ -57,6 +57,7 @@ from bender_discrepancy.structures import between_rows_decided, competing_struct
 from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
+from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 from bender_loop.records.zero_move import without_zero_move
 from bender_plant.blocks.periodic_disturbance import Parameters as Swing
@@ -212,7 +213,8 @@ def diagnose(
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("comparing the records with the model")
-    records = [without_zero_move(printed(x)) for x in records]
+    measured = [without_zero_move(printed(x)) for x in records]
+    records = measured if how.untimed else [completed(x) for x in measured]
     given, others = base, ()
     if base is None:
         tell("fitting linear structures")
@@ -222,7 +224,7 @@ def diagnose(
     with Driver() as driver:
         with compile_in_background(lambda: _tried_first(given)):
             if base is not None:
-                refuse_unusable(base, sources, records, how)
+                refuse_unusable(base, sources, measured, how)
             if base is not None and remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
                 remark(doubtful)
             if box is None or box.measured is None:

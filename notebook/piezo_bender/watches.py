@@ -51,7 +51,7 @@ class Watched:
 
     def to_frame(self) -> "DataFrame":
         """Return the whitened residual and the largest statistic by stretches of rows (needs pandas)."""
-        rows = self.watcher.lane.rows()
+        rows = self.watcher.lane.table
         return frame_of(dict(zip(("time_s", "lowest", "highest", "statistic"), rows.T, strict=True)))
 
     def save(self, folder: Path | str) -> Path:
@@ -69,7 +69,7 @@ class Watched:
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the largest statistic over its threshold; return the axes drawn into."""
-        drawn, rows = axes_or_new(axes), self.watcher.lane.rows()
+        drawn, rows = axes_or_new(axes), self.watcher.lane.table
         drawn.plot(rows[:, 0], rows[:, 3], lw=1.0)
         drawn.axhline(1.0, ls="--", lw=0.8)
         for x in self.alarms:

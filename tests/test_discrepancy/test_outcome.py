@@ -18,7 +18,7 @@ from bender_discrepancy.conclusion.findings import Findings, find, span_of
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap, straight_beyond
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.measurement.playable import playable
-from bender_discrepancy.conclusion.notes import warnings
+from bender_discrepancy.conclusion.notes import SetAside, set_aside, warnings
 from bender_discrepancy.conclusion.numbers import number
 from bender_discrepancy.conclusion.sentences import evidence
 from bender_discrepancy.diagnosis import DIAGNOSIS, FILES, Diagnosis
@@ -33,8 +33,10 @@ from bender_discrepancy.report.page import report_page
 from bender_discrepancy.report.summary import summary
 from bender_discrepancy.rivals import rival_models
 from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose
 from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.fmu.file import read_description
+from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model, model_from_table
 from bender_plant.valid_range import ValidRange
@@ -241,6 +243,36 @@ def test_unusual_values_and_what_was_set_aside_are_said():
     assert any("scale_V" in x and "unusual" in x and "poled" in x for x in said)
     assert f"2 of {readings.size} frames are lost and left out" in said
     assert "1 outlying reading was set aside, line 102" in said
+
+
+def test_rows_that_were_put_in_are_said_and_lines_are_those_of_the_file():
+    time_s = np.arange(600) / 30.0
+    whole = record_of(effects={"saturation": {"scale_V": 60.0}}, voltage_V=25.0 + 20.0 * np.sin(3.0 * time_s))
+    kept = np.delete(np.arange(600), [50, 51, 200])
+    lost = completed(Record(time_s[kept], whole.voltage_V[kept], whole.displacement_um[kept]))
+    search = told([lost], hypothesis(load_model("paper"), [lost], ("saturation, tanh", (60.0,))))
+    observations = search.problem.observations[0]
+    fewer = search.problem.observing([observations.without(np.isin(np.arange(600), [100, 300]))])
+    found = replace(search, found=replace(search.found, archive=replace(search.archive, problem=fewer)))
+    assert set_aside(found) == [SetAside(597, 0, (98, 297))]
+    said = warnings(find(found))
+    assert "2 outlying readings were set aside, lines 100, 299" in said
+    assert "3 rows are missing; the voltage is taken to run straight through the gaps" in said
+    assert not any("frames are lost" in x for x in said)
+
+
+@pytest.mark.slow
+def test_an_effect_is_the_same_whether_rows_are_missing_or_not():
+    time_s = np.arange(1500) / 30.0
+    tones = [a * np.sin(2.0 * np.pi * f * time_s) for a, f in ((9.0, 0.2), (6.0, 0.53), (4.0, 1.37))]
+    volts = 20.0 + np.sum(tones, axis=0)
+    whole = record_of(effects={"backlash": {"half_width_um": 0.6}}, voltage_V=volts)
+    kept = np.flatnonzero(np.random.default_rng(2).random(1500) >= 0.02)
+    lost = Record(time_s[kept], volts[kept], whole.displacement_um[kept])
+    found = diagnose(load_model("paper"), [lost])
+    assert (found.verdict, [x.id for x in found.effects]) == ("named", ["backlash"])
+    (plays,) = (x.parameters for x in found.model.blocks if x.id == "backlash")
+    assert plays.half_width_um == pytest.approx(0.6, abs=0.01)
 
 
 @examples(max_examples=6)

@@ -46,10 +46,12 @@ def set_aside(search: SearchResult) -> list[SetAside]:
     found = []
     guesses = [x.after_a_guess for x in search.excerpts] or [0] * len(search.whole)
     for record, x, first in zip(search.records, search.whole, guesses, strict=True):
-        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um)))
+        made_up = np.zeros(len(record), dtype=np.bool_) if record.made_up is None else record.made_up
+        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um[~made_up])))
         seen = np.isfinite(x.measured_um)
         outlying = first + np.flatnonzero((seen & ~x.usable)[first:])
-        found.append(SetAside(seen.size, lost, tuple(int(row) for row in outlying)))
+        outlying -= np.cumsum(made_up)[outlying]
+        found.append(SetAside(len(record) - int(made_up.sum()), lost, tuple(int(row) for row in outlying)))
     return found
 
 
@@ -63,6 +65,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _numbered(findings.search)
     found += _of_one_record(findings)
     found += _not_following(findings)
+    found += _missing(findings.search)
     found += _zero_moved(findings.search)
     found += _zeros_apart(findings)
     found += _at_the_end_of_the_range(findings.search)
@@ -234,6 +237,16 @@ def _hardly_excited(search: SearchResult) -> list[str]:
         f"the {input_word()} changes only {times} (with the jump from 0 V before the first row). That cannot show "
         "hysteresis, saturation, a dead zone, a limit of the rate or a curve of the reading; record a staircase up and "
         "down with holds of several lengths"
+    ]
+
+
+def _missing(search: SearchResult) -> list[str]:
+    counts = [(k, 0 if x.made_up is None else int(x.made_up.sum())) for k, x in enumerate(search.records)]
+    return [
+        f"{_name(search, k)}{count} row{'s are' if count > 1 else ' is'} missing; the {input_word()} is taken to run "
+        "straight through the gap" + "s" * (count > 1)
+        for k, count in counts
+        if count
     ]
 
 

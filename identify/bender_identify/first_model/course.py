@@ -16,6 +16,7 @@ from bender_identify.first_model.fit import FitTask
 from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
+from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 from bender_loop.records.zero_move import without_zero_move
 
@@ -43,7 +44,7 @@ def experiments_of(
     Raises:
         InputError: the input or the reading of a record stands still, or it has too few readings.
     """
-    records = [without_zero_move(x) for x in records]
+    records = [completed(without_zero_move(x)) for x in records]
 
     def ready(course: InputHold) -> list[Experiment]:
         rows = zip(records, names or [f"record {k + 1}" for k in range(len(records))], strict=True)

@@ -10,6 +10,7 @@
 | `end_of_range` | readings that stand at the end of a sensor's range |
 | `further` | further inputs of a plant: what was measured beside the command and acts on the plant as well |
 | `initial_motion` | the command before the first row of a record that starts in motion |
+| `missing_rows` | rows that a logger has lost, put in between the others |
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |

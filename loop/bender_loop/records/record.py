@@ -93,6 +93,7 @@ class Record:
         quantities: units of `voltage_V` and `displacement_um`; of another rig they are not V and um but those here.
         further: what acts on the plant beside the command, row by row; they are not written to a file.
         zero_move: of the sensor, already taken from `displacement_um`; None where there was none.
+        made_up: (n,) rows that the file lacks, see `missing_rows`; None for none.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -111,6 +112,7 @@ class Record:
     quantities: Quantities = USUAL
     further: tuple[Further, ...] = ()
     zero_move: ZeroMove | None = None
+    made_up: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -135,7 +137,7 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        beside = ("quantities", "further", "zero_move")
+        beside = ("quantities", "further", "zero_move", "made_up")
         present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
 

@@ -11,6 +11,7 @@ from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.drive import InputHold, drive_record, rows_of, steps_of_drive
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
+from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
@@ -46,11 +47,18 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
 
     Of an untimed record, each row is a settled pair: its voltage is held until the plant rests, then it is read.
 
+    Through rows that are missing the voltage runs straight, see `missing_rows`.
+
     Raises:
         RunError: the plant failed.
     """
     if untimed:
         return Replay(_settled(plant, record.voltage_V), record.voltage_V, "untimed")
+    whole = completed(record)
+    if whole is not record and whole.made_up is not None:
+        there = ~whole.made_up
+        found = replay(plant, whole, input_hold=input_hold)
+        return replace(found, simulated_um=found.simulated_um[there], acting_V=found.acting_V[there])
     from_rest_um = drive_record(plant, record, input_hold=input_hold)
     at_rest = starts_at_rest(record.voltage_V)
     in_motion_um = from_rest_um if at_rest else _with_lead_in(plant, record, input_hold)
@@ -64,6 +72,7 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
 
 def steps_of_replay(record: Record, input_hold: InputHold = "hold") -> int:
     """Return how many steps of the plant `replay` takes, at the most, for a record that is timed."""
+    record = completed(record)
     count = steps_of_drive(*rows_of(record, input_hold)[:4])
     if starts_at_rest(record.voltage_V):
         return count

@@ -1,0 +1,105 @@
+"""Rows that a logger has lost are put in where the command cannot have been held meanwhile."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_loop.records.further import Further
+from bender_loop.records.missing_rows import MOST_AT_ONCE, completed
+from bender_loop.records.record import Record
+from bender_loop.records.replay import replay
+
+ROWS = 400
+
+
+def moving(jitter_s: float = 0.0, seed: int = 1) -> Record:
+    rng = np.random.default_rng(seed)
+    time_s = 0.01 * np.arange(ROWS) + jitter_s * rng.uniform(-1.0, 1.0, ROWS)
+    voltage_V = np.abs(np.arange(ROWS) % 100 - 50.0)
+    return Record(time_s, voltage_V, rng.standard_normal(ROWS))
+
+
+def without(record: Record, missing: np.ndarray) -> Record:
+    kept = np.setdiff1d(np.arange(len(record)), missing)
+    return Record(*(x[kept] for x in (record.time_s, record.voltage_V, record.displacement_um)))  # pyright: ignore[reportArgumentType]
+
+
+@given(missing=st.sets(st.integers(1, ROWS - 2), min_size=1, max_size=20), jitter_s=st.sampled_from([0.0, 5e-4]))
+def test_every_missing_row_is_put_in_its_place_without_a_reading(missing: set[int], jitter_s: float) -> None:
+    whole, rows = moving(jitter_s), np.array(sorted(missing))
+    found = completed(without(whole, rows))
+    assert len(found) == ROWS
+    assert found.made_up is not None
+    assert np.flatnonzero(found.made_up).tolist() == rows.tolist()
+    assert np.isnan(found.displacement_um[rows]).all()
+    kept = ~found.made_up
+    for name in ("time_s", "voltage_V", "displacement_um"):
+        assert np.array_equal(getattr(found, name)[kept], getattr(whole, name)[kept])
+    assert np.all(np.diff(found.time_s) > 0.0)
+    # the command turns at every fiftieth row; elsewhere it runs straight
+    straight = rows[[all((k + d) % 50 for d in range(-20, 21)) for k in rows]]
+    assert found.voltage_V[straight] == pytest.approx(whole.voltage_V[straight], abs=1e-9)
+
+
+def test_what_goes_with_the_rows_goes_with_those_that_are_put_in() -> None:
+    whole = moving()
+    kept = np.delete(np.arange(ROWS), [100, 101])
+    record = Record(
+        whole.time_s[kept], whole.voltage_V[kept], whole.displacement_um[kept],
+        command_time_s=whole.time_s[kept] + 0.004, temperature_C=np.full(kept.size, 20.0),
+        exposure_s=np.full(kept.size, 0.002), further=(Further("load", "N", whole.time_s[kept]),),
+    )  # fmt: skip
+    found = completed(record)
+    assert found.command_time_s == pytest.approx(whole.time_s + 0.004)
+    assert found.exposure == 0.002
+    assert found.further[0].values == pytest.approx(whole.time_s)
+    assert found.temperature_C is not None
+    assert np.isnan(found.temperature_C[[100, 101]]).all()
+
+
+def test_a_record_that_lacks_nothing_is_the_same_one() -> None:
+    assert completed(whole := moving()) is whole
+    assert completed(found := completed(without(whole, np.array([7, 50])))) is found
+
+
+@pytest.mark.parametrize("missing", [np.array([37]), np.arange(30, 60)])
+def test_a_command_that_is_held_was_held_meanwhile(missing: np.ndarray) -> None:
+    whole = moving()
+    record = without(Record(whole.time_s, np.repeat(np.arange(10.0), 40), whole.displacement_um), missing)
+    assert completed(record) is record
+
+
+def test_a_long_pause_and_a_clock_that_is_not_even_stay_as_they_are() -> None:
+    record = without(moving(), np.arange(100, 101 + MOST_AT_ONCE))
+    assert completed(record) is record
+    rng = np.random.default_rng(2)
+    uneven = Record(np.cumsum(rng.exponential(0.01, ROWS)), np.arange(float(ROWS)), np.zeros(ROWS))
+    assert completed(uneven) is uneven
+
+
+def test_a_plant_that_is_driven_with_a_record_answers_the_missing_rows_too() -> None:
+    class Sum:
+        """Adds up what is commanded."""
+
+        total = 0.0
+
+        def reset(self) -> None:
+            self.total = 0.0
+
+        def read(self) -> float:
+            return self.total
+
+        def step(self, voltage_V: float, step_s: float) -> float:
+            self.total += voltage_V * step_s
+            return self.total
+
+        def close(self) -> None:
+            """Nothing is open."""
+
+    whole = moving()
+    kept = np.delete(np.arange(ROWS), [10, 11, 12, 260])
+    lost = Record(whole.time_s[kept], whole.voltage_V[kept], whole.displacement_um[kept])
+    found, expected = replay(Sum(), lost), replay(Sum(), whole)
+    assert found.simulated_um == pytest.approx(expected.simulated_um[kept], abs=1e-9)
+    assert found.acting_V == pytest.approx(expected.acting_V[kept], abs=1e-9)
