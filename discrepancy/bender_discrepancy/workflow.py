@@ -59,6 +59,7 @@ from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
+from bender_loop.records.repeated_readings import without_repeats
 from bender_loop.records.zero_move import without_zero_move
 from bender_plant.blocks.periodic_disturbance import Parameters as Swing
 from bender_plant.blocks.periodic_disturbance import ringing_step_s
@@ -213,7 +214,7 @@ def diagnose(
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("comparing the records with the model")
-    measured = [without_zero_move(printed(x)) for x in records]
+    measured = [without_zero_move(without_repeats(printed(x))) for x in records]
     records = measured if how.untimed else [completed(x) for x in measured]
     given, others = base, ()
     if base is None:

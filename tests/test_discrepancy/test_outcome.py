@@ -275,6 +275,17 @@ def test_an_effect_is_the_same_whether_rows_are_missing_or_not():
     assert plays.half_width_um == pytest.approx(0.6, abs=0.01)
 
 
+@pytest.mark.slow
+def test_a_sensor_that_is_slower_than_the_rows_shows_no_effect_of_its_own():
+    time_s = np.arange(1500) / 30.0
+    tones = [a * np.sin(2.0 * np.pi * f * time_s) for a, f in ((9.0, 0.2), (6.0, 0.53), (4.0, 1.37))]
+    volts = 20.0 + np.sum(tones, axis=0)
+    whole = record_of(effects={"backlash": {"half_width_um": 0.6}}, voltage_V=volts)
+    found = diagnose(load_model("paper"), [Record(time_s, volts, whole.displacement_um[::2].repeat(2))])
+    assert (found.verdict, [x.id for x in found.effects]) == ("named", ["backlash"])
+    assert any(x.startswith("750 readings repeat the one before") for x in warnings(found.findings))
+
+
 @examples(max_examples=6)
 @example(0, True, True)
 @given(st.integers(0, 10_000), st.booleans(), st.booleans())

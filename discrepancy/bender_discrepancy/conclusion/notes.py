@@ -47,7 +47,7 @@ def set_aside(search: SearchResult) -> list[SetAside]:
     guesses = [x.after_a_guess for x in search.excerpts] or [0] * len(search.whole)
     for record, x, first in zip(search.records, search.whole, guesses, strict=True):
         made_up = np.zeros(len(record), dtype=np.bool_) if record.made_up is None else record.made_up
-        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um[~made_up])))
+        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um[~made_up]))) - record.repeats
         seen = np.isfinite(x.measured_um)
         outlying = first + np.flatnonzero((seen & ~x.usable)[first:])
         outlying -= np.cumsum(made_up)[outlying]
@@ -66,6 +66,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _of_one_record(findings)
     found += _not_following(findings)
     found += _missing(findings.search)
+    found += _repeated(findings.search)
     found += _zero_moved(findings.search)
     found += _zeros_apart(findings)
     found += _at_the_end_of_the_range(findings.search)
@@ -247,6 +248,15 @@ def _missing(search: SearchResult) -> list[str]:
         "straight through the gap" + "s" * (count > 1)
         for k, count in counts
         if count
+    ]
+
+
+def _repeated(search: SearchResult) -> list[str]:
+    return [
+        f"{_name(search, k)}{x.repeats} readings repeat the one before to the last digit: the sensor is slower than "
+        "the rows; they are left out"
+        for k, x in enumerate(search.records)
+        if x.repeats
     ]
 
 

@@ -23,6 +23,7 @@ from bender_discrepancy.workflow import BlackBox, diagnose
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record, in_units_of
+from bender_loop.records.repeated_readings import without_repeats
 
 
 # as in `workflow.diagnose`
@@ -62,7 +63,8 @@ def diagnose_fmu(
     how = replace(how, decide_hold=False, with_record_effects=True)
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
-    records = [printed(x) if how.untimed else completed(printed(x)) for x in in_units_of(records)]
+    records = [without_repeats(printed(x)) for x in in_units_of(records)]
+    records = records if how.untimed else [completed(x) for x in records]
     own = records[0].quantities
     opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=own)
     with opened.with_parameters(given) as plant:

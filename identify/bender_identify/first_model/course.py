@@ -18,6 +18,7 @@ from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
 from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
+from bender_loop.records.repeated_readings import without_repeats
 from bender_loop.records.zero_move import without_zero_move
 
 SIMPLE = Structure(lags=1, modes=1)
@@ -44,7 +45,7 @@ def experiments_of(
     Raises:
         InputError: the input or the reading of a record stands still, or it has too few readings.
     """
-    records = [completed(without_zero_move(x)) for x in records]
+    records = [completed(without_zero_move(without_repeats(x))) for x in records]
 
     def ready(course: InputHold) -> list[Experiment]:
         rows = zip(records, names or [f"record {k + 1}" for k in range(len(records))], strict=True)

@@ -13,6 +13,7 @@
 | `missing_rows` | rows that a logger has lost, put in between the others |
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |
+| `repeated_readings` | readings that a logger took twice |
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
 | `scale` | answers that are tenfold, a thousandfold or a millionfold off |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |

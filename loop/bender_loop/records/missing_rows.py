@@ -52,7 +52,7 @@ def completed(record: Record) -> Record:
     if record.exposure_s is not None:
         columns["exposure_s"] = np.full(rows.size, record.exposure)
     further = tuple(replace(x, values=between(x.values)) for x in record.further)
-    return Record(**columns, quantities=record.quantities, further=further, zero_move=record.zero_move, made_up=made_up)
+    return replace(record, **columns, further=further, made_up=made_up)
 
 
 def _missing(record: Record) -> NDArray[np.int64]:

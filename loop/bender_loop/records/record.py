@@ -94,6 +94,7 @@ class Record:
         further: what acts on the plant beside the command, row by row; they are not written to a file.
         zero_move: of the sensor, already taken from `displacement_um`; None where there was none.
         made_up: (n,) rows that the file lacks, see `missing_rows`; None for none.
+        repeats: readings that were lost as repeated ones, see `repeated_readings`.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -113,6 +114,7 @@ class Record:
     further: tuple[Further, ...] = ()
     zero_move: ZeroMove | None = None
     made_up: NDArray[np.bool_] | None = None
+    repeats: int = 0
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -137,7 +139,7 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        beside = ("quantities", "further", "zero_move", "made_up")
+        beside = ("quantities", "further", "zero_move", "made_up", "repeats")
         present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
 
