@@ -182,12 +182,19 @@ def test_what_stands_is_told_as_a_trend_no_more_often_than_was_said() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("goes_on", [0.0, -1.0, 3.0])
+@pytest.mark.parametrize("goes_on", [-1.0, 3.0])
 def test_a_fade_that_goes_on_in_another_way_is_an_alarm_again(goes_on: float) -> None:
     before, behind = (alarms(watched(recorded(5, 30_000, 0.02, 0.7, x))[1]) for x in (1.0, goes_on))
     assert max(before) < 21_000
     assert behind[: len(before)] == before
     assert 21_000 < behind[len(before)] < 25_000
+
+
+@pytest.mark.slow
+def test_a_fade_that_stops_is_followed_to_where_it_stopped() -> None:
+    watcher, events = watched(recorded(5, 30_000, 0.02, 0.7, 0.0))
+    assert max(alarms(events)) < 21_000
+    assert watcher.trend()[0].now == pytest.approx(-0.014, abs=0.0005)
 
 
 @settings(max_examples=20, deadline=None)

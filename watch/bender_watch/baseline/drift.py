@@ -3,7 +3,7 @@
 Behind a change that grows, and behind a second one, nobody knows whether it stands or goes on. The slopes of level and
 gain are learned with the rest from the rows since the change, along straight lines. From then on level and gain are
 followed row by row, and their slopes wander as `pass_time` says. A device whose gain fades, straight or slower and
-slower, is followed then, and no alarm; where it stops or turns at once, it is one.
+slower, is followed then, and no alarm; where it turns at once, it is one.
 """
 
 import math
