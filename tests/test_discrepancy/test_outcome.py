@@ -257,7 +257,7 @@ def test_rows_that_were_put_in_are_said_and_lines_are_those_of_the_file():
     assert set_aside(found) == [SetAside(597, 0, (98, 297))]
     said = warnings(find(found))
     assert "2 outlying readings were set aside, lines 100, 299" in said
-    assert "3 rows are missing; the voltage is taken to run straight through the gaps" in said
+    assert "3 rows are missing; the voltage there is taken from those around" in said
     assert not any("frames are lost" in x for x in said)
 
 

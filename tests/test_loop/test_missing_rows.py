@@ -42,6 +42,23 @@ def test_every_missing_row_is_put_in_its_place_without_a_reading(missing: set[in
     assert found.voltage_V[straight] == pytest.approx(whole.voltage_V[straight], abs=1e-9)
 
 
+@pytest.mark.parametrize("missing", [1, 4])
+def test_a_smooth_command_is_bridged_by_a_smooth_one(missing: int) -> None:
+    time_s = moving().time_s
+    swing = Record(time_s, np.asarray(20.0 * np.sin(8.0 * time_s), dtype=np.float64), np.zeros(ROWS))
+    rows = np.concatenate([k + np.arange(missing) for k in (19, 120, 301)])
+    found = completed(without(swing, rows))
+    straight = np.interp(rows, np.delete(np.arange(ROWS), rows), np.delete(swing.voltage_V, rows))
+    assert np.max(np.abs(found.voltage_V - swing.voltage_V)) < 0.02 * np.max(np.abs(straight - swing.voltage_V[rows]))
+    assert np.array_equal(np.delete(found.voltage_V, rows), np.delete(swing.voltage_V, rows))
+
+
+def test_a_command_without_a_course_is_bridged_by_a_straight_line() -> None:
+    volts = np.random.default_rng(3).uniform(0.0, 50.0, ROWS)
+    found = completed(without(Record(moving().time_s, volts, np.zeros(ROWS)), np.array([40, 41])))
+    assert found.voltage_V[40:42] == pytest.approx(np.interp([40, 41], [39, 42], volts[[39, 42]]))
+
+
 def test_what_goes_with_the_rows_goes_with_those_that_are_put_in() -> None:
     whole = moving()
     kept = np.delete(np.arange(ROWS), [100, 101])
@@ -70,9 +87,24 @@ def test_a_command_that_is_held_was_held_meanwhile(missing: np.ndarray) -> None:
     assert completed(record) is record
 
 
-def test_a_long_pause_and_a_clock_that_is_not_even_stay_as_they_are() -> None:
-    record = without(moving(), np.arange(100, 101 + MOST_AT_ONCE))
+@pytest.mark.parametrize("missing", [MOST_AT_ONCE + 1, 220])
+def test_behind_a_long_pause_readings_are_left_out_where_the_command_has_moved(missing: int) -> None:
+    record = without(moving(), np.arange(100, 100 + missing))
+    found = completed(record)
+    assert len(found) == len(record)
+    assert found.behind_pauses == int(0.05 * len(record))
+    assert np.flatnonzero(np.isnan(found.displacement_um)).tolist() == list(range(100, 100 + found.behind_pauses))
+    assert completed(found) is found
+
+
+def test_a_device_that_stood_through_a_pause_is_known_behind_it() -> None:
+    whole = moving()
+    volts = np.where((np.arange(ROWS) >= 99) & (np.arange(ROWS) <= 160), 20.0, whole.voltage_V)
+    record = without(Record(whole.time_s, volts, whole.displacement_um), np.arange(100, 160))
     assert completed(record) is record
+
+
+def test_a_clock_that_is_not_even_stays_as_it_is() -> None:
     rng = np.random.default_rng(2)
     uneven = Record(np.cumsum(rng.exponential(0.01, ROWS)), np.arange(float(ROWS)), np.zeros(ROWS))
     assert completed(uneven) is uneven

@@ -223,8 +223,18 @@ def test_behind_missing_rows_an_fmu_is_not_judged_for_a_while(known: dict[str, t
     training, _ = known["paper"]
     with contextlib.closing(OfFmu(ensure_plant_fmu("paper"))) as fmu:
         watcher = Watcher(None, training, learn(fmu, training, HOW.rows_between_false_alarms), HOW)
-        record = without(recorded(PAPER, 5), slice(800, 840))
+        record = without(recorded(PAPER, 5), np.r_[800:805, 1500:1520])
         rows = Rows.of(record)
         events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
     assert [x["event"] for x in events if x["event"] == "alarm"] == []
-    assert watcher.judged <= len(rows) - 2 * 2 * settling_rows(False, watcher.baseline.rows)
+    assert watcher.judged == len(rows) - 2 * settling_rows(False, watcher.baseline.rows) - 8 * 5 - 8 * 20
+
+
+def test_a_training_record_that_lacks_rows_shows_its_noise_alone(known: dict[str, tuple[Record, Baseline]]) -> None:
+    missing = np.flatnonzero(np.random.default_rng(8).random(ROWS) < 0.02)
+    training = without(recorded(PAPER, 1), missing)
+    found = learn(PAPER, training, HOW.rows_between_false_alarms)
+    assert found.noise_um == pytest.approx(known["paper"][1].noise_um, rel=0.05)
+    watcher, rows = Watcher(PAPER, training, found, HOW), Rows.of(recorded(PAPER, 2))
+    events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
+    assert [x["event"] for x in events if x["event"] == "alarm"] == []

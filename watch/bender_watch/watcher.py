@@ -74,6 +74,8 @@ UNKNOWNS = PAUSED.stop
 OPENED_AT = np.cumsum([1, 1, 1, 1, UNKNOWNS, FOLLOWED]).tolist()
 OPENED = OPENED_AT[-1] + 1
 """Columns of the first rows of a record: residual, spread, gap, step, what is not known, the drift, and a doubt."""
+BLIND = 8
+"""Times the rows that are missing, behind which an FMU is not judged: nobody can lead its state on other ways."""
 BACK = 8
 """Times the rows of an exceedance that its beginning is sought in."""
 
@@ -112,6 +114,7 @@ class Watcher:
     _pending: Pending | None = field(default=None, init=False)
     _last: tuple[float, float, float] | None = field(default=None, init=False)
     _unjudged: int = field(default=0, init=False)
+    _blind: int = field(default=0, init=False)
     _told: set[str] = field(default_factory=set, init=False)
     _raised: set[str] = field(default_factory=set, init=False)
     _silent_rows: int = field(default=0, init=False)
@@ -232,7 +235,7 @@ class Watcher:
         facts = {
             "model": None if self.model is None else self.model.to_table(),
             "counts": [self.alarms, self.rows, self.judged, self.lost],
-            "last": self._last, "unjudged": self._unjudged, "excursions": asdict(self.excursions),
+            "last": self._last, "unjudged": self._unjudged, "blind": self._blind, "excursions": asdict(self.excursions),
             "behind_s": self._behind_s, "clock_s": self._clock_s,
             "told": sorted(self._told), "raised": sorted(self._raised),
             "trends": self.trends.state(), "moved": self._moved.tolist(),
@@ -261,7 +264,8 @@ class Watcher:
         """
         self.alarms, self.rows, self.judged, self.lost = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
-        self._unjudged, self.excursions = facts["unjudged"], Excursions(**facts["excursions"])
+        self._unjudged, self._blind = facts["unjudged"], facts["blind"]
+        self.excursions = Excursions(**facts["excursions"])
         self._behind_s, self._clock_s = facts["behind_s"], facts["clock_s"]
         self._told, self._raised, self._moved = set(facts["told"]), set(facts["raised"]), np.array(facts["moved"])
         self._deviations, self._opening = np.array(facts["deviations"]), arrays["opening"]
@@ -311,13 +315,12 @@ class Watcher:
 
     def _pass_over(self, time_s: float, voltage_V: float) -> None:
         """Let what is not known of a pause before a row be learned from the rows behind it."""
-        base = self.baseline
-        if self._last is None or time_s - self._last[0] <= A_GAP * base.interval_s:
+        base, (before_s, _, before_V) = self.baseline, self._last or (time_s, 0.0, voltage_V)
+        if time_s - before_s <= A_GAP * base.interval_s:
             return
-        before_s, _, before_V = self._last
         if not isinstance(base.expectation, OfModel):
-            if voltage_V != before_V:
-                self._unjudged = max(self._unjudged, 2 * settling_rows(False, base.rows))
+            missing = round((time_s - before_s) / base.interval_s) - 1 if voltage_V != before_V else 0
+            self._blind = max(self._blind, min(BLIND * missing, 2 * settling_rows(False, base.rows)))
         elif base.pause.pass_over(base.expectation.own_state, (before_s, before_V), (time_s, voltage_V)):
             self.detector.unlearn(PAUSED, AMPLITUDE)
 
@@ -331,7 +334,9 @@ class Watcher:
         rows, residual = block.rows, block.residual_um
         kinds = block.gaps + np.where(block.beyond, NOT_JUDGED, JUDGED)
         settling = min(self._unjudged, len(rows))
-        kinds[:settling] = NOT_JUDGED + block.gaps[:settling]
+        blind = max(settling, min(self._blind, len(rows)))
+        kinds[:blind] = NOT_JUDGED + block.gaps[:blind]
+        self._blind = max(self._blind - len(rows), 0)
         yield from self.excursions.take(self.baseline.range, block, self.rows, self.units)
         if settling:
             opened = [residual, block.spread, block.gaps, block.steps, block.columns_um]
@@ -591,6 +596,5 @@ class Watcher:
         for found in self.trends.trends(self.settings.tolerance, self.baseline.stroke_um, 1.0 - wrong, untold):
             if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
-                yield (
-                    found.to_event() | self.units | {"row": self.rows, "time_s": self._last[0] if self._last else None}
-                )
+                here = {"row": self.rows, "time_s": self._last[0] if self._last else None}
+                yield found.to_event() | self.units | here

@@ -47,7 +47,8 @@ def set_aside(search: SearchResult) -> list[SetAside]:
     guesses = [x.after_a_guess for x in search.excerpts] or [0] * len(search.whole)
     for record, x, first in zip(search.records, search.whole, guesses, strict=True):
         made_up = np.zeros(len(record), dtype=np.bool_) if record.made_up is None else record.made_up
-        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um[~made_up]))) - record.repeats
+        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um[~made_up])))
+        lost -= record.repeats + record.behind_pauses
         seen = np.isfinite(x.measured_um)
         outlying = first + np.flatnonzero((seen & ~x.usable)[first:])
         outlying -= np.cumsum(made_up)[outlying]
@@ -66,7 +67,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _of_one_record(findings)
     found += _not_following(findings)
     found += _missing(findings.search)
-    found += _repeated(findings.search)
+    found += _left_out_beforehand(findings.search)
     found += _zero_moved(findings.search)
     found += _zeros_apart(findings)
     found += _at_the_end_of_the_range(findings.search)
@@ -244,20 +245,22 @@ def _hardly_excited(search: SearchResult) -> list[str]:
 def _missing(search: SearchResult) -> list[str]:
     counts = [(k, 0 if x.made_up is None else int(x.made_up.sum())) for k, x in enumerate(search.records)]
     return [
-        f"{_name(search, k)}{count} row{'s are' if count > 1 else ' is'} missing; the {input_word()} is taken to run "
-        "straight through the gap" + "s" * (count > 1)
+        f"{_name(search, k)}{count} row{'s are' if count > 1 else ' is'} missing; the {input_word()} there is taken "
+        "from those around"
         for k, count in counts
         if count
     ]
 
 
-def _repeated(search: SearchResult) -> list[str]:
-    return [
-        f"{_name(search, k)}{x.repeats} readings repeat the one before to the last digit: the sensor is slower than "
-        "the rows; they are left out"
+def _left_out_beforehand(search: SearchResult) -> list[str]:
+    repeated = "repeat the one before to the last digit: the sensor is slower than the rows; they are left out"
+    blind = f"behind a pause are left out: nobody knows which {input_word()} there was in it"
+    counts = [
+        (k, n, told)
         for k, x in enumerate(search.records)
-        if x.repeats
+        for n, told in ((x.repeats, repeated), (x.behind_pauses, blind))
     ]
+    return [f"{_name(search, k)}{n} readings {told}" for k, n, told in counts if n]
 
 
 def _zero_moved(search: SearchResult) -> list[str]:

@@ -95,6 +95,7 @@ class Record:
         zero_move: of the sensor, already taken from `displacement_um`; None where there was none.
         made_up: (n,) rows that the file lacks, see `missing_rows`; None for none.
         repeats: readings that were lost as repeated ones, see `repeated_readings`.
+        behind_pauses: readings that were lost behind pauses, see `missing_rows`.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -115,6 +116,7 @@ class Record:
     zero_move: ZeroMove | None = None
     made_up: NDArray[np.bool_] | None = None
     repeats: int = 0
+    behind_pauses: int = 0
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -139,7 +141,7 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        beside = ("quantities", "further", "zero_move", "made_up", "repeats")
+        beside = ("quantities", "further", "zero_move", "made_up", "repeats", "behind_pauses")
         present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
 

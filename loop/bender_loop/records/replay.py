@@ -47,7 +47,7 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
 
     Of an untimed record, each row is a settled pair: its voltage is held until the plant rests, then it is read.
 
-    Through rows that are missing the voltage runs straight, see `missing_rows`.
+    Rows that are missing are driven through, see `missing_rows`.
 
     Raises:
         RunError: the plant failed.

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import clearly_better, starts_at_rest
+from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 from bender_plant.model import Model, model_from_table
 from bender_watch.baseline.beginning import COUNT, Beginning
@@ -221,7 +222,7 @@ def learn(
     Raises:
         InputError: too few rows, or the model explains nothing of them.
     """
-    record = _last(training, MOST_ROWS)
+    record = completed(_last(training, MOST_ROWS))
     usable = np.isfinite(record.displacement_um)
     if int(usable.sum()) < LEAST_ROWS:
         raise InputError(
