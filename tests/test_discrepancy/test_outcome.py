@@ -261,15 +261,20 @@ def test_rows_that_were_put_in_are_said_and_lines_are_those_of_the_file():
     assert not any("frames are lost" in x for x in said)
 
 
-@pytest.mark.slow
-def test_an_effect_is_the_same_whether_rows_are_missing_or_not():
+def _playing() -> Record:
+    """50 s of three tones, read from a device with backlash."""
     time_s = np.arange(1500) / 30.0
     tones = [a * np.sin(2.0 * np.pi * f * time_s) for a, f in ((9.0, 0.2), (6.0, 0.53), (4.0, 1.37))]
-    volts = 20.0 + np.sum(tones, axis=0)
-    whole = record_of(effects={"backlash": {"half_width_um": 0.6}}, voltage_V=volts)
-    kept = np.flatnonzero(np.random.default_rng(2).random(1500) >= 0.02)
-    lost = Record(time_s[kept], volts[kept], whole.displacement_um[kept])
-    found = diagnose(load_model("paper"), [lost])
+    return record_of(effects={"backlash": {"half_width_um": 0.6}}, voltage_V=20.0 + np.sum(tones, axis=0))
+
+
+@pytest.mark.slow
+def test_an_effect_is_the_same_whether_rows_are_missing_or_not():
+    whole = _playing()
+    kept = np.flatnonzero(np.random.default_rng(2).random(len(whole)) >= 0.02)
+    found = diagnose(
+        load_model("paper"), [Record(whole.time_s[kept], whole.voltage_V[kept], whole.displacement_um[kept])]
+    )
     assert (found.verdict, [x.id for x in found.effects]) == ("named", ["backlash"])
     (plays,) = (x.parameters for x in found.model.blocks if x.id == "backlash")
     assert plays.half_width_um == pytest.approx(0.6, abs=0.01)
@@ -277,11 +282,9 @@ def test_an_effect_is_the_same_whether_rows_are_missing_or_not():
 
 @pytest.mark.slow
 def test_a_sensor_that_is_slower_than_the_rows_shows_no_effect_of_its_own():
-    time_s = np.arange(1500) / 30.0
-    tones = [a * np.sin(2.0 * np.pi * f * time_s) for a, f in ((9.0, 0.2), (6.0, 0.53), (4.0, 1.37))]
-    volts = 20.0 + np.sum(tones, axis=0)
-    whole = record_of(effects={"backlash": {"half_width_um": 0.6}}, voltage_V=volts)
-    found = diagnose(load_model("paper"), [Record(time_s, volts, whole.displacement_um[::2].repeat(2))])
+    whole = _playing()
+    taken_twice = replace(whole, displacement_um=whole.displacement_um[::2].repeat(2))
+    found = diagnose(load_model("paper"), [taken_twice])
     assert (found.verdict, [x.id for x in found.effects]) == ("named", ["backlash"])
     assert any(x.startswith("750 readings repeat the one before") for x in warnings(found.findings))
 

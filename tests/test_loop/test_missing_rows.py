@@ -75,6 +75,17 @@ def test_what_goes_with_the_rows_goes_with_those_that_are_put_in() -> None:
     assert np.isnan(found.temperature_C[[100, 101]]).all()
 
 
+def test_a_command_that_came_late_in_a_gap_acts_before_the_row_that_is_put_in() -> None:
+    whole = moving()
+    kept = np.delete(np.arange(ROWS), [100])
+    acting_s = whole.time_s[kept] + 0.002
+    acting_s[99] += 0.014
+    record = Record(whole.time_s[kept], whole.voltage_V[kept], whole.displacement_um[kept], command_time_s=acting_s)
+    found = completed(record)
+    assert found.command_time_s is not None
+    assert found.command_time_s[99] == found.time_s[100]
+
+
 def test_a_record_that_lacks_nothing_is_the_same_one() -> None:
     assert completed(whole := moving()) is whole
     assert completed(found := completed(without(whole, np.array([7, 50])))) is found

@@ -152,6 +152,7 @@ def test_an_fmu_has_no_pasts() -> None:
     beginning = Beginning(None, False, (0.0, 1.0), 1.0, 1.0)
     beginning.begin(0.0, 0.0, rest=False)
     assert np.array_equal(beginning.courses.advance(np.arange(3.0), np.zeros(3), None), np.zeros((3, COUNT)))
+    assert not Pause(None, False, (0.0, 1.0), 1.0, 1.0, 0.1).pass_over(None, (0.0, 0.0), (5.0, 1.0))
 
 
 def test_noise_below_the_least_is_not_quieter() -> None:

@@ -58,7 +58,9 @@ def completed(record: Record) -> Record:
     columns = {name: unread(x) for name, x in record.columns().items()}
     columns |= {"time_s": time_s, "voltage_V": _commands(record.voltage_V, missing, places)}
     if record.command_time_s is not None:
-        columns["command_time_s"] = time_s + between(record.command_time_s - record.time_s)
+        acting_s = time_s + between(record.command_time_s - record.time_s)
+        # a command that came late in a gap acts before the row that is put in behind it
+        columns["command_time_s"] = np.minimum(acting_s, np.append(time_s[1:], np.inf))
     if record.exposure_s is not None:
         columns["exposure_s"] = np.full(rows.size, record.exposure)
     further = tuple(replace(x, values=between(x.values)) for x in record.further)

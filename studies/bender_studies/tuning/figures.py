@@ -89,7 +89,7 @@ def summarised(
 
 
 def targets(results: Sequence[PlantResult]) -> list[Target]:
-    """Return the targets of the beetle and of the default method; the plant with the larger ratio counts."""
+    """Return what was promised of two methods beside what was found, on the plant where each did worse."""
     promises = (("the reliable beetle (reliable_bas)", "reliable_bas", 1.05, 1.5),)
     promises += ((f"the default method ({DEFAULT_METHOD})", DEFAULT_METHOD, 1.01, 1.05),)
     found: list[Target] = []

@@ -69,6 +69,8 @@ class Pause:
             return False
         was_over = self.courses.is_over
         streams = self.courses.begin()
+        if not streams:
+            return False
         for stream in streams if was_over else ():
             stream.restore(own)
         for stream, (aside, first, last) in zip(streams[1:], WAYS, strict=True):
@@ -76,7 +78,7 @@ class Pause:
                 shares, way_V = self._way(aside, first, min(last, missing), missing, end_V - begin_V)
                 low, high = min(self.range_V[0], begin_V, end_V), max(self.range_V[1], begin_V, end_V)
                 stream.advance(begin_s + shares * (end_s - begin_s), np.clip(begin_V + way_V, low, high))
-        return bool(streams)
+        return True
 
     def _way(self, aside: float, first: int, last: int, missing: int, moved_V: float) -> tuple[np.ndarray, np.ndarray]:
         """Return where in the pause, as parts of it, commands come, and how far from the last one before it."""
