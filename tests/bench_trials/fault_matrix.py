@@ -17,6 +17,7 @@ from bench_trials.whole_run import (
     WholeRun,
     code_of,
     first_of,
+    following_words,
     has_stood,
     hil_words,
     is_live,
@@ -109,6 +110,7 @@ WITHIN_S = LIMITS.shutdown_limit_s + 1.0
 SETTINGS = EmulationSettings(sensor=TEXT)
 """Of the bench behind every cell."""
 _LEVEL_V = 30.0
+_BEYOND = 1.1
 VOLTAGES = ((0.0, 0.0), (0.3, 10.0), (0.35, 20.0), (0.4, _LEVEL_V), (0.9, _LEVEL_V))
 
 
@@ -161,7 +163,22 @@ def reached(state: str) -> Reached:
     return lambda truth: has_been_up(truth) and float(truth["output_V"]) < 0.95 * _LEVEL_V
 
 
-def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell:
+Words = Callable[[Path, Path], list[str]]
+"""Of a run up to the voltage of the states, by its bench file and its folder."""
+
+
+def play_voltages(bench: Path, out: Path) -> list[str]:
+    """Return the words of a run that plays voltages."""
+    return hil_words(bench, VOLTAGES, out)
+
+
+def follow_model(bench: Path, out: Path, *, gains: Path, um_per_V: float) -> list[str]:
+    """Return the words of a run whose controller follows a model to where those voltages lead, and a little further."""
+    beyond = [(time_s, _BEYOND * voltage_V * um_per_V) for time_s, voltage_V in VOLTAGES]
+    return following_words(bench, gains, beyond, out)
+
+
+def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path, *, words_of: Words = play_voltages) -> Cell:
     """Run one cell on an emulated bench that nobody else uses; leaves its supply as after the mains switch.
 
     Args:
@@ -169,6 +186,7 @@ def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell
         fault: a key of `FAULTS`.
         state: one of `STATES`.
         folder: where a folder of the cell is made.
+        words_of: says what is run.
     """
     supply = bench.supply
     supply.make_ready()
@@ -181,7 +199,7 @@ def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell
             supply.fault(what, value)
 
     limits = SLOW if state == "descending" else LIMITS
-    words = hil_words(write_bench(place, bench, SETTINGS, limits), VOLTAGES, place / "run")
+    words = words_of(write_bench(place, bench, SETTINGS, limits), place / "run")
     if state == "opening":
         spoil()
     fault_s = time.perf_counter()

@@ -167,9 +167,18 @@ def code_of(run: Path) -> str | None:
 
 def hil_words(bench: Path, voltages: Sequence[tuple[float, float]], out: Path) -> list[str]:
     """Return the words of a run through voltages, each from its time on; the last pair ends it."""
+    return _words(bench, "voltage_V", voltages, out)
+
+
+def following_words(bench: Path, gains: Path, setpoints: Sequence[tuple[float, float]], out: Path) -> list[str]:
+    """Return the words of a loop through set-points with a gains file, each from its time on; the last pair ends it."""
+    return [*_words(bench, "setpoint_um", setpoints, out), "--gains", str(gains)]
+
+
+def _words(bench: Path, column: str, levels: Sequence[tuple[float, float]], out: Path) -> list[str]:
     profile = bench.with_name("profile.csv")
-    rows = "".join(f"{time_s:g},{voltage_V:g}\n" for time_s, voltage_V in voltages)
-    profile.write_text(f"time_s,voltage_V\n{rows}", encoding="utf-8")
+    rows = "".join(f"{time_s:g},{level:g}\n" for time_s, level in levels)
+    profile.write_text(f"time_s,{column}\n{rows}", encoding="utf-8")
     return ["-m", "bender_cli", "hil", "--bench", str(bench), "--profile", str(profile), "--out", str(out)]
 
 

@@ -2,16 +2,23 @@
 
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from bench_trials import fault_matrix
-from bench_trials.fault_matrix import FAULTS, STATES, Cell, cells, judged, run_cell
-from bench_trials.matrix import run_matrix
+from bench_trials.fault_matrix import FAULTS, STATES, Cell, cells, follow_model, judged, run_cell
+from bench_trials.matrix import Run, run_matrix
+from following_controllers import tuned_on
+
+from bender_loop.control.plant import restart
+from bender_loop.fmu.plant import FmuPlant
+from bender_tuner.results.gains_file import write_gains
 
 pytest.importorskip("pyvisa_py")
 
+_TEN_V = 10.0
 # what no supply answers to, or does not obey, cannot be confirmed
 NEVER_CONFIRMED = ("a byte every 100 ms", "output stuck on", "answers one question late", "instrument hangs")
 CONFIRMED = ("one answer missing", "link drops", "protection trips", "local key pressed", "answers 30 ms late")
@@ -28,6 +35,15 @@ def fmu() -> Path:
     from bender_export.build import ensure_plant_fmu
 
     return ensure_plant_fmu("bench")
+
+
+def shown_after(fmu: Path, voltage_V: float, time_s: float) -> float:
+    plant = FmuPlant(fmu)
+    try:
+        restart(plant)
+        return [plant.step(voltage_V, 0.02) for _ in range(round(time_s / 0.02))][-1]
+    finally:
+        plant.close()
 
 
 def test_the_matrix_is_large():
@@ -60,6 +76,37 @@ def test_every_kind_of_lost_process_ends_with_the_output_off_or_the_alarm(fmu: P
     found = run_matrix(LOST, run_process_cell, fmu, tmp_path, at_once=4)
     assert [cell for cell in found if cell.broken] == []
     assert {cell.outcome for cell in found} <= {"off", "alarm"}
+
+
+@pytest.fixture(scope="module")
+def following(fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Cells whose controller follows the model of the bench."""
+    folder = tmp_path_factory.mktemp("following")
+    tuned, path = tuned_on(fmu), folder / "gains.toml"
+    (folder / tuned.model.fmu).write_bytes(fmu.read_bytes())
+    write_gains(path, tuned.gains, tuned.limits, tuned.period_s, tuned.model)
+    um_per_V = shown_after(fmu, _TEN_V, 2.0) / _TEN_V
+    return partial(run_cell, words_of=partial(follow_model, gains=path, um_per_V=um_per_V))
+
+
+@pytest.mark.slow
+def test_a_run_that_follows_a_model_ends_with_the_output_off_or_the_alarm_too(
+    following: Run, fmu: Path, tmp_path: Path
+):
+    pairs = [(fault, "holding") for fault in (*NEVER_CONFIRMED, *CONFIRMED, *OTHERS)]
+    pairs += [("no answers", "rising"), ("link drops", "descending"), ("output stuck on", "armed")]
+    found = run_matrix(pairs, following, fmu, tmp_path, at_once=4)
+    assert [cell for cell in found if cell.broken] == []
+    assert {cell.outcome for cell in found if cell.fault in NEVER_CONFIRMED} == {"alarm"}
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize("fault", FAULTS)
+def test_any_fault_of_the_supply_ends_a_run_that_follows_a_model_so_too(
+    fault: str, following: Run, fmu: Path, tmp_path: Path
+):
+    found = run_matrix([(fault, state) for state in STATES], following, fmu, tmp_path)
+    assert [cell for cell in found if cell.broken] == []
 
 
 @pytest.mark.trial
