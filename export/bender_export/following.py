@@ -168,7 +168,6 @@ def following_settings(tuned: Tuned, model: Model, host: Host) -> dict[str, Any]
         "left_out": left_out,
         "output": followed.output,
         "lead_s": followed.lead_s,
-        "dead_time_s": followed.dead_time_s,
         "start": dict(zip((row.name for row in rows), values, strict=True)),
     }
 

@@ -101,8 +101,7 @@ def _controller(settings: Mapping[str, Any], whole: Model, plant: Source) -> Sou
         values = [row.start if row.name in _BUILT_IN else staging.value(k) for k, row in enumerate(table)]
         instance.__dict__.update(
             values=Known(values, context.region), memory=places, follower=None, lead_s=settings["lead_s"],
-            dead_time_s=settings["dead_time_s"], predictor=predictor, inverted=inverted,
-            start_time_s=Number("m->start_time_s"),
+            predictor=predictor, inverted=inverted, start_time_s=Number("m->start_time_s"),
         )  # fmt: skip
         python_call(context, getattr(ModelFollowingController, method), [instance, *arguments], {}, None)
         staging.stop_if_failed()

@@ -220,30 +220,8 @@ def test_whatever_lag_slew_and_shaper_no_set_point_is_passed(lag_s: float, level
 def test_beside_a_short_dead_time_no_set_point_is_passed_either(lag_s: float):
     """A first millisecond without an answer is a dead time to who looks at the answer alone."""
     model, device = Lag(lag_s=lag_s, dead_steps=1), Lag(lag_s=lag_s, dead_steps=1)
-    late = {"lead_s": 0.01, "dead_time_s": 0.01}
-    made = follower(inverted=model, predictor=model, shaper=Shaper(), slew_V_per_s=60.0, tolerance_um=1e-6, **late)
+    made = follower(inverted=model, predictor=model, shaper=Shaper(), slew_V_per_s=60.0, lead_s=0.01, tolerance_um=1e-6)
     assert max(most_of_each_move(made, device, (10.0, 3.0))) < 1.0 + 1e-3
-
-
-@pytest.mark.parametrize(
-    ("dead_steps", "at_frames"), [(0, True), (1, True), (2, False), (3, False), (5, True), (6, True)]
-)
-def test_behind_a_dead_time_between_two_frames_the_shaped_reference_is_met_at_the_frames(
-    dead_steps: int, at_frames: bool
-):
-    """One or two fifths of a sample behind a frame; a command that is right after less than two thirds is not tried."""
-    device = Lag(dead_steps=dead_steps)
-    made = follower(dead_steps, dead_time_s=0.01 * dead_steps, slew_V_per_s=math.inf)
-    memory, shaped, seen, reading = rest(made), [], [], 0.0
-    for _ in range(20):
-        memory = step(made, memory, 10.0, reading, PERIOD_S)
-        shaped.append(memory.shaped.position_um)
-        reading = device.step(memory.command_V, PERIOD_S)
-        seen.append(reading)
-    frames_later = dead_steps // 5
-    missed = np.array(seen[frames_later:]) - np.array(shaped[: len(seen) - frames_later])
-    assert (np.abs(missed).max() < 1e-6) == at_frames
-    assert np.abs(missed[-5:]).max() < 1e-6
 
 
 def _quickest(lag_s: float, from_V: float, to_V: float, change_V: float, count: int) -> np.ndarray:

@@ -32,7 +32,7 @@ from bender_tuner.results.gains_file import write_gains
 
 pytestmark = needs_own_compiler
 LATE: dict[str, Any] = {
-    "slew_V_per_s": 800.0, "horizon_ticks": 2, "lead_s": 0.001, "dead_time_s": 0.004, "output": "tip_displacement",
+    "slew_V_per_s": 800.0, "horizon_ticks": 2, "lead_s": 0.001, "output": "tip_displacement",
     "parameters": {"calibration.gain": 1.05}, "held_back": 0.03, "rms_um": 0.05,
 }  # fmt: skip
 CASES = {2: ("late", Host(1, 0.004), LATE), 3: ("paper", Host(), {})}

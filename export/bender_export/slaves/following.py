@@ -13,7 +13,6 @@ Settings, as JSON:
 | `left_out` | parameters of the inverted model alone |
 | `output` | what the sensor reads: `displacement` or `tip_displacement` |
 | `lead_s` | dead time left in the inverted model |
-| `dead_time_s` | of the whole model, left in the inverted one or not |
 | `start` | start values of the parameters of `TABLE` |
 """
 
@@ -145,7 +144,6 @@ class ModelFollowingController(Shell):
         settings, table, whole, inverted = _as_built()
         super().__init__(table, **kwargs)
         self.lead_s: float = settings["lead_s"]
-        self.dead_time_s: float = settings["dead_time_s"]
         # each instance has plants of its own: hosts may step several at the same time
         self.predictor = FollowedPlant(whole, settings["output"])
         self.inverted = self.predictor if inverted is None else FollowedPlant(inverted, settings["output"])
@@ -189,7 +187,6 @@ class ModelFollowingController(Shell):
                 shaper=Shaper(rate if rate > 0.0 else math.inf, curvature if curvature > 0.0 else math.inf),
                 horizon_ticks=_whole("inverse.horizon", horizon),
                 lead_s=self.lead_s,
-                dead_time_s=self.dead_time_s,
                 latency_frames=_whole("sampling.latency", latency),
                 command_delay_s=delay_s,
                 tolerance_um=tolerance_um,

@@ -27,11 +27,6 @@ anti-windup works against that remainder.
 A command that overdrives a lag of the model has to be taken back later, and the slew limit bounds how fast: behind a
 shaper the feedforward goes no further than can be undone in time.
 
-A dead time that is no whole number of samples brings what a command does between two frames. Behind a shaper the
-horizon ends with a frame then: a command that is right between two of them has gone on by the time that it is seen. Of
-a slow lag a command that is right after a part s of a sample goes (1 - s) / s too far by the sample's end, and the next
-one as far the other way: where that is more than half, the horizon is left as long as it is.
-
 A command acts a little after the sample that it answers. The inverse reckons with the delay that is planned; the
 models are then led on with the delay that there was, where the host knows it. While the tip moves quickly a command
 that was a few milliseconds later than the models believe would look like an error of the device.
@@ -56,8 +51,6 @@ from bender_loop.control.shaper import Shaped, Shaper, shape
 
 LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
-_SHORTEST = 2.0 / 3.0
-"""Of a sample, to the frame at which a horizon ends: what goes too far is halved from sample to sample."""
 _UNFELT = 1e-3
 """A change of the command is not felt where the model answers by less than this part of the inverse's tolerance, and of
 what it would answer by its last slope."""
@@ -83,7 +76,6 @@ class ModelFollower:
         shaper: of a reference that is not known beforehand; None follows the reference as it is.
         horizon_ticks: so many samples of held command ahead the inverse meets the reference; more are calmer.
         lead_s: dead time left in `inverted`, which the horizon has to reach beyond.
-        dead_time_s: of the whole model, left in `inverted` or not.
         latency_frames: age of a measurement when the controller gets it.
         frame_weights: of the predicted readings in a frame, at equal steps of a period; (1,) is a snapshot.
         command_delay_s: planned from the instant of a measurement until the command acts, less than a period.
@@ -101,7 +93,6 @@ class ModelFollower:
     shaper: Shaper | None = None
     horizon_ticks: int = 1
     lead_s: float = 0.0
-    dead_time_s: float = 0.0
     latency_frames: int = 0
     frame_weights: tuple[float, ...] = (1.0,)
     command_delay_s: float = 0.0
@@ -115,15 +106,10 @@ class ModelFollower:
                 f"found a period of {self.period_s!r} s and a delay of the command of {self.command_delay_s!r} s, "
                 "expected a period > 0 and a delay from 0 to below it"
             )
-        if self.horizon_ticks < 1 or self.latency_frames < 0 or not self.tolerance_um > 0.0:
+        if self.horizon_ticks < 1 or self.latency_frames < 0 or self.lead_s < 0.0 or not self.tolerance_um > 0.0:
             raise ValueError(
-                f"found horizon_ticks {self.horizon_ticks!r}, latency_frames {self.latency_frames!r}, tolerance_um "
-                f"{self.tolerance_um!r}, expected >= 1, >= 0, > 0"
-            )
-        if not 0.0 <= self.lead_s <= self.dead_time_s < math.inf:
-            raise ValueError(
-                f"found lead_s {self.lead_s!r} and dead_time_s {self.dead_time_s!r}, expected finite times >= 0, the "
-                "first no longer than the second"
+                f"found horizon_ticks {self.horizon_ticks!r}, latency_frames {self.latency_frames!r}, lead_s "
+                f"{self.lead_s!r}, tolerance_um {self.tolerance_um!r}, expected >= 1, >= 0, >= 0, > 0"
             )
         if not 0.0 <= self.held_back < 1.0 or not 0.0 <= self.margin_um < math.inf:
             raise ValueError(
@@ -372,18 +358,9 @@ def _reading(follower: ModelFollower, state: object) -> float:
 
 
 def _horizon(follower: ModelFollower) -> tuple[float, ...]:
-    first_s, lead_s = _first_s(follower), follower.lead_s
-    steps = first_s, *(follower.period_s,) * (follower.horizon_ticks - 1)
+    period_s, lead_s = follower.period_s, follower.lead_s
+    steps = (period_s,) * follower.horizon_ticks
     return (*steps, lead_s) if lead_s > 0.0 else steps
-
-
-def _first_s(follower: ModelFollower) -> float:
-    """The first step of the horizon: behind a shaper up to a frame, where that is not too short."""
-    period_s = follower.period_s
-    if follower.shaper is None:
-        return period_s
-    after_frame_s = math.fmod(follower.dead_time_s, period_s)
-    return period_s - after_frame_s if after_frame_s <= (1.0 - _SHORTEST) * period_s else period_s
 
 
 def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: float) -> tuple[Shaped, float]:

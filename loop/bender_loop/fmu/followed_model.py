@@ -278,7 +278,6 @@ def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loo
         shaper=None if loop.preview else Shaper(model.rate_um_per_s, model.curvature_um_per_s2),
         horizon_ticks=horizon_ticks(model, loop),
         lead_s=model.lead_s,
-        dead_time_s=model.dead_time_s,
         latency_frames=loop.latency_frames,
         frame_weights=loop.frame_weights,
         command_delay_s=loop.command_delay_s,

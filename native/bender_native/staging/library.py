@@ -42,14 +42,6 @@ def _copysign(context: Context, arguments: list[Any]) -> Number:
     return paired(context, text, f"({slope} * {dot_of(size)})")
 
 
-def _fmod(context: Context, arguments: list[Any]) -> Number:
-    del context
-    if any(has_dot(x) for x in arguments):
-        return refuse("the derivative of fmod")
-    number, by = (text_of(x, "d") for x in arguments)
-    return Number(f"fmod({number}, {by})")
-
-
 def _abs(context: Context, arguments: list[Any]) -> Number:
     (value,) = arguments
     if value.kind != "d":
@@ -167,7 +159,6 @@ HANDLERS: dict[Any, Handler] = {
     math.tanh: _plain("tanh", "(1.0 - {r} * {r})"),
     math.pow: _pow,
     math.copysign: _copysign,
-    math.fmod: _fmod,
     math.fabs: _abs,
     math.isfinite: _isfinite,
     math.floor: _floor,

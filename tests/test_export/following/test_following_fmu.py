@@ -130,8 +130,7 @@ def test_its_parameters_are_those_of_the_pure_step(
     )
     other = ModelFollower(
         follower.inverted, follower.predictor, gains, limits, 0.025, slew or math.inf,
-        Shaper(rate or math.inf, curvature or math.inf), horizon, follower.lead_s, follower.dead_time_s, latency,
-        tolerance_um=0.01,
+        Shaper(rate or math.inf, curvature or math.inf), horizon, follower.lead_s, latency, tolerance_um=0.01,
     )  # fmt: skip
     memory = model_following.rest(other)
     for setpoint_m, measurement_m, dt_s in samples:
