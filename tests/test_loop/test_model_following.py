@@ -449,6 +449,29 @@ def test_a_play_stays_engaged_while_what_is_in_front_of_it_creeps(levels: tuple[
         assert max(missed[20:]) < 1.5 * 0.15 / (6.0 * 0.5)
 
 
+@given(st.floats(-0.5, 0.5), st.integers(4, 12))
+def test_what_the_edge_of_a_play_and_the_block_both_ask_for_counts_once(error_um: float, after: int):
+    """Counted twice, the loop has twice its gain, and swings for ever on a device that is seen late."""
+    model = CreepingPlay()
+    made = follower(inverted=model, predictor=model, shaper=None, gains=Gains(0.0, 6.0), tolerance_um=1e-3)
+    memory = rest(made)
+    for _ in range(after):
+        memory = step(made, memory, 10.0, None, PERIOD_S)
+    by_edge_V = step(made, memory, 10.0, None, PERIOD_S).command_V - memory.command_V
+    found = step(made, memory, 10.0, _predicted(made, memory) + error_um, PERIOD_S)
+    by_block_V = -6.0 * error_um * PERIOD_S
+    expected_V = by_edge_V + by_block_V
+    if by_edge_V * by_block_V > 0.0:
+        expected_V = math.copysign(max(abs(by_edge_V), abs(by_block_V)), by_block_V)
+    assert by_edge_V < -1e-3
+    assert found.command_V - memory.command_V == pytest.approx(expected_V, abs=5e-3)
+
+
+def _predicted(made: ModelFollower, memory: model_following.Memory) -> float:
+    """What the next reading would be if the device were as the model."""
+    return step(made, memory, 10.0, None, PERIOD_S).frames[0]
+
+
 @pytest.mark.parametrize("margin_um", [0.0, 0.15])
 def test_within_its_margin_a_device_that_creeps_more_is_not_pushed_on(margin_um: float):
     """A tip that is pushed on stays there until the whole play is crossed."""

@@ -19,7 +19,9 @@ the integral to the feedforward: the models then stand where the device stands w
 which is the command, is the same. What creeps in front of a play carries the model away from the edge to which it was
 led, or back to it, and takes with it what the block has corrected; the reading shows nothing of that until it is too
 late. So while the reference rests the feedforward keeps its distance from that edge: at first what model and reading
-are uncertain by, for a tip that is pushed on does not come back by itself, then what the block has moved it by.
+are uncertain by, for a tip that is pushed on does not come back by itself, then what the block has moved it by. A
+command that is led aside moves the edge too, and by as much as both go one way it is the same correction: counted
+twice, a loop that is safe by its margins swings for ever on a device that is a frame late.
 
 Voltage and slew limits are shared: the feedforward takes what it needs, the PID block gets the remainder, and its
 anti-windup works against that remainder.
@@ -222,7 +224,7 @@ def step(
     # a command that misses its target is what it is for other reasons, and is thought of anew at the next sample
     met = abs(found.reading_um - target_um) <= follower.tolerance_um
     at_um = _reading(follower, begin)
-    way, aside_V = memory.way, memory.aside_V
+    way, aside_V, drifted_V = memory.way, memory.aside_V, 0.0
     still = wanted_um == shaped.position_um == memory.shaped.position_um
     if still and way != 0.0 and abs(target_um - at_um) <= _THERE * follower.tolerance_um:
         # at the edge of a play the slope between two trials tells nothing of what lies beyond it
@@ -230,6 +232,7 @@ def step(
         at = Inverted(found.voltage_V, at_um, memory.slope_um_per_V)
         inside, kept_V, beyond = _inside(follower, begin, at, way, memory.feedforward_V - aside_V, aside_V)
         if inside < math.inf:
+            drifted_V = (inside - kept_V) - (memory.feedforward_V - memory.aside_V)
             found, met = Inverted(min(max(inside, within[0]), within[1]), at_um, beyond), True
             aside_V = kept_V
     else:
@@ -242,11 +245,12 @@ def step(
         block, correction_V = pid.step(follower.gains, bounds, block, 0.0, measurement_um - predicted_um, dt_s)
     else:
         correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
-    command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
     unfelt_V = _unfelt(follower, begin, found, block.integral_V - memory.block.integral_V) if met else 0.0
+    twice_V = math.copysign(min(abs(unfelt_V), abs(drifted_V)), unfelt_V) if unfelt_V * drifted_V > 0.0 else 0.0
+    command_V = min(max(found.voltage_V + correction_V - twice_V, limits.lower_V), limits.upper_V)
     block = PidState(block.integral_V - unfelt_V, block.derivative_V, block.previous_um)
-    aside_V = way * min(way * (aside_V + unfelt_V), 0.0)
-    voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V
+    aside_V = way * min(way * (aside_V + unfelt_V - twice_V), 0.0)
+    voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V - twice_V
     slope = found.slope_um_per_V
     return Memory(ahead, behind, frames, shaped, *voltages_V, slope, block, command_V, True, rest_um, way, aside_V)
 
