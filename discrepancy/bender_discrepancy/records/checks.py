@@ -9,6 +9,7 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.records.first_look import ROUGH, first_look
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
+from bender_loop.records.distinct import refuse_twice_the_same
 from bender_loop.records.record import Record, read_record
 from bender_loop.records.sizes import check_readings, check_sizes, check_work
 from bender_loop.tables.quantities import USUAL
@@ -64,17 +65,8 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
             raise InputError(f"{name}: found columns in {found}, expected V and lengths for the model {model.name}")
         check_readings(name, record)
         _refuse_what_teaches_nothing(name, record)
-    _refuse_twice_the_same(names, records)
+    refuse_twice_the_same(names, records)
     _refuse_wrong_units(model, names, records, settings)
-
-
-def _refuse_twice_the_same(names: Sequence[str], records: Sequence[Record]) -> None:
-    for k, (name, record) in enumerate(zip(names, records, strict=True)):
-        for other, before in zip(names[:k], records[:k], strict=True):
-            if np.array_equal(record.displacement_um, before.displacement_um, equal_nan=True):
-                raise InputError(
-                    f"{name}: found the readings of {other} again, expected another record; they would count twice"
-                )
 
 
 def _refuse_what_teaches_nothing(name: str, record: Record) -> None:

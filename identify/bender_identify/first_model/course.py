@@ -16,6 +16,7 @@ from bender_identify.first_model.fit import FitTask
 from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
+from bender_loop.records.distinct import refuse_twice_the_same
 from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
@@ -43,12 +44,14 @@ def experiments_of(
         input_hold: what the input does between two rows; "auto" where the records are to tell.
 
     Raises:
-        InputError: the input or the reading of a record stands still, or it has too few readings.
+        InputError: the input or the reading of a record stands still, it has too few readings, or is there twice.
     """
+    names = names or [f"record {k + 1}" for k in range(len(records))]
+    refuse_twice_the_same(names, records)
     records = [completed(without_zero_move(without_repeats(x))) for x in records]
 
     def ready(course: InputHold) -> list[Experiment]:
-        rows = zip(records, names or [f"record {k + 1}" for k in range(len(records))], strict=True)
+        rows = zip(records, names, strict=True)
         return [experiment_of(x, name, Settings(), course, any_answer=True) for x, name in rows]
 
     if input_hold != "auto":
