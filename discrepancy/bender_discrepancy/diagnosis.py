@@ -233,7 +233,7 @@ class Diagnosis:
             write_atomically(folder / FMU, with_documents(self.fmu, self._documents(page)))
             for name, data in self.beside.items():
                 write_atomically(folder / name, data)
-            write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
+            write_atomically(folder / MODEL, tomli_w.dumps(self.findings.model.to_table()))
             for rival in self.rival_models:
                 model, fmu = rival.files
                 write_atomically(folder / model, tomli_w.dumps(rival.model.to_table()))
@@ -248,13 +248,14 @@ class Diagnosis:
         if not page:
             return {}
         found = {REPORT_IN_FMU: page.encode()}
-        if self.stand_in is not None and self.model.origin is not None:
+        model = self.findings.model
+        if self.stand_in is not None and model.origin is not None:
             text = f"{self.sentence} The original stands in it as it was, with the correction around it."
-            found["documentation/index.html"] = origin_page("Corrected FMU", text, self.model)
+            found["documentation/index.html"] = origin_page("Corrected FMU", text, model)
         return found
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (pickle_with_closures({x.name: getattr(self, x.name) for x in fields(self)}),)
+        return _unpickled, (type(self), pickle_with_closures({x.name: getattr(self, x.name) for x in fields(self)}))
 
     def __repr__(self) -> str:
         from bender_report.wording import figure, unit_text
@@ -296,5 +297,5 @@ def _cells(parameter: Mapping[str, Any]) -> dict[str, Any]:
     return {**plain, "low_95": low, "high_95": high, "unit": parameter.get("unit", "")}
 
 
-def _unpickled(data: bytes) -> Diagnosis:
-    return Diagnosis(**pickle.loads(data))
+def _unpickled(kind: type[Diagnosis], data: bytes) -> Diagnosis:
+    return kind(**pickle.loads(data))

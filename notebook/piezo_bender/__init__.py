@@ -34,13 +34,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.errors import InputError, RunError
     from piezo_bender.bench_runs import BenchRun, run_bench
     from piezo_bender.calibrations import CalibratedFmu, calibrate
     from piezo_bender.catalogue import Catalogue, effects
     from piezo_bender.comparisons import RecordComparison, compare
-    from piezo_bender.diagnoses import diagnose
+    from piezo_bender.diagnoses import Diagnosis, diagnose
     from piezo_bender.first_models import FittedModel, fit_model
     from piezo_bender.identifications import IdentifiedModel, identify
     from piezo_bender.loops import LoopSimulation, simulate_loop
@@ -55,7 +54,7 @@ _HOMES = {
     "BenchRun": "piezo_bender.bench_runs",
     "CalibratedFmu": "piezo_bender.calibrations",
     "Catalogue": "piezo_bender.catalogue",
-    "Diagnosis": "bender_discrepancy.diagnosis",
+    "Diagnosis": "piezo_bender.diagnoses",
     "FittedModel": "piezo_bender.first_models",
     "IdentifiedModel": "piezo_bender.identifications",
     "InputError": "bender_loop.errors",

@@ -19,7 +19,7 @@ from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import shown_in, unit_text
-from piezo_bender.models import PlantModel
+from piezo_bender.models import AnyModel, file_or_model, load_model
 from piezo_bender.records import LoadedRecord, load_record
 from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors, one_of
 
@@ -181,7 +181,7 @@ class RecordComparison:
 @name_arguments_in_errors
 def compare(
     record: "Source",
-    model: str | Path | Model | PlantModel | None = None,
+    model: AnyModel | None = None,
     *,
     fmu: Path | str | None = None,
     input_name: str | None = None,
@@ -218,6 +218,7 @@ def compare(
     """
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
+    given = file_or_model("paper" if model is None else model)
     one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
     if further and fmu is None:
         raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
@@ -225,7 +226,6 @@ def compare(
     loaded = load_record(record, columns, units, further=further, reading=reading, variables=named)
     check_sizes(loaded.source, loaded.record, untimed)
     require_readings(loaded.displacement_um)
-    given = "paper" if model is None else model
     if fmu is None and not untimed:
         check_work(loaded.source, float(np.ptp(loaded.time_s)), _longest_step_s(given), MOST_STEPS)
     path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
@@ -274,18 +274,15 @@ class _CountingPlant:
         return self._plant.step(voltage_V, step_s)
 
 
-def _longest_step_s(model: str | Path | Model | PlantModel) -> float:
+def _longest_step_s(model: str | Path | Model) -> float:
     """Return in which steps the plant is computed where the command rests."""
     from bender_plant.plant import sub_step_bounds_s
 
     return sub_step_bounds_s(_loaded(model))[1]
 
 
-def _loaded(model: str | Path | Model | PlantModel) -> Model:
-    from piezo_bender.models import load_model
-
-    loaded = model if isinstance(model, Model | PlantModel) else load_model(model)
-    return loaded.model if isinstance(loaded, PlantModel) else loaded
+def _loaded(model: str | Path | Model) -> Model:
+    return load_model(model).model
 
 
 def _opened(
@@ -306,10 +303,9 @@ def _opened(
     return _CountingPlant(FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters), progress)
 
 
-def _plant_fmu(model: str | Path | Model | PlantModel) -> tuple[Path, str, str]:
+def _plant_fmu(model: str | Path | Model) -> tuple[Path, str, str]:
     from bender_native.ready import ready_plant_fmu
 
-    if isinstance(model, PlantModel | Model):
-        loaded = model.model if isinstance(model, PlantModel) else model
-        return ready_plant_fmu(loaded), f"the model {loaded.name}", loaded.name
+    if isinstance(model, Model):
+        return ready_plant_fmu(model), f"the model {model.name}", model.name
     return ready_plant_fmu(model), f"the model {Path(model).stem}", str(model)

@@ -1,18 +1,18 @@
 """Diagnosis: which effect a model lacks."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.diagnosis import Diagnosis as DiagnosisOfRecords
 from bender_discrepancy.foreign.diagnose import diagnose_fmu as diagnose_records_of_fmu
 from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.structures import AUTO
 from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_loop.errors import InputError
 from bender_loop.records.variables import variables_of
-from bender_plant.model import Model
-from piezo_bender.models import PlantModel, load_model
+from piezo_bender.models import AnyModel, PlantModel, load_model
 from piezo_bender.records import several
 from piezo_bender.shared import Progress, name_arguments_in_errors, one_of, silent
 
@@ -20,10 +20,25 @@ if TYPE_CHECKING:
     from piezo_bender.records import Source
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(DiagnosisOfRecords):
+    """What is missing from a model, on what evidence, and the corrected model as `load_model` gives one."""
+
+    @property
+    def model(self) -> PlantModel:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The corrected model, for `tune`, `compare`, `build_fmu` and `simulate`."""
+        return PlantModel(self.findings.model)
+
+
+def as_result(found: DiagnosisOfRecords) -> Diagnosis:
+    """Return a diagnosis as the result of a notebook."""
+    return Diagnosis(**{x.name: getattr(found, x.name) for x in fields(found)})
+
+
 @name_arguments_in_errors
 def diagnose(
     records: "Source | list[Any] | tuple[Any, ...]",
-    model: str | Path | Model | PlantModel | None = None,
+    model: AnyModel | None = None,
     *,
     fmu: str | Path | None = None,
     input_name: str | None = None,
@@ -88,7 +103,7 @@ def diagnose(
     ).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
-    base = None if model == AUTO else load_model("paper" if model is None else model).model
+    base = None if isinstance(model, str) and model == AUTO else load_model("paper" if model is None else model).model
     if further and fmu is None:
         raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
     named = {} if fmu is None else variables_of(fmu, input_name, output_name)
@@ -97,5 +112,5 @@ def diagnose(
     if fmu is not None:
         own = [x.record for x in loaded]
         names = (input_name, output_name)
-        return diagnose_records_of_fmu(fmu, *names, own, settings, progress, sources, parameters, suspects)
-    return diagnose_records(base, [x.record for x in loaded], settings, progress, sources)
+        return as_result(diagnose_records_of_fmu(fmu, *names, own, settings, progress, sources, parameters, suspects))
+    return as_result(diagnose_records(base, [x.record for x in loaded], settings, progress, sources))

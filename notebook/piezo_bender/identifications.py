@@ -15,9 +15,8 @@ from bender_identify.report.figures import COLUMNS, figures, table
 from bender_identify.report.files import contents, written_model
 from bender_identify.settings import InputHold, Settings
 from bender_loop.errors import InputError
-from bender_plant.model import Model
 from bender_report.palette import light
-from piezo_bender.models import PlantModel, load_model
+from piezo_bender.models import AnyModel, PlantModel, load_model
 from piezo_bender.records import LoadedRecord, several
 from piezo_bender.shared import (
     Progress,
@@ -102,7 +101,7 @@ class IdentifiedModel:
 @name_arguments_in_errors
 def identify(
     records: Any,
-    model: str | Path | Model | PlantModel = "paper",
+    model: AnyModel = "paper",
     *,
     held_out: Any = (),
     input_hold: str = "hold",

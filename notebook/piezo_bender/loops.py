@@ -20,13 +20,12 @@ from bender_loop.errors import InputError
 from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.fmu.followed_model import FollowedModel, Loop, run_following
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, of_input_and_output
-from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import axis_text, relabelled, shown_in
 from bender_tuner.results.gains_file import read_controller
 from bender_tuner.task.session import open_guarded
 from bender_tuner.task.settings import TuneSettings, make_settings
-from piezo_bender.models import PlantModel
+from piezo_bender.models import AnyModel, file_or_model
 from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors, shows_settings
 from piezo_bender.tunings import TuningResult
 
@@ -211,7 +210,7 @@ LOOP_SETTINGS = "rate_Hz", "latency_frames", "exposure_s", "noise_um", "lower_V"
 @name_arguments_in_errors
 def simulate_loop(
     gains: Path | str | Gains | TuningResult,
-    model: str | Path | Model | PlantModel | None = None,
+    model: AnyModel | None = None,
     *,
     fmu: Path | str | None = None,
     profile: Path | str | Reference | None = None,
@@ -259,8 +258,8 @@ def simulate_loop(
     bounds = wanted.limits if controller.limits is None else replace(controller.limits, **asked)
     from bender_native.ready import ready_plant_fmu
 
-    given = "paper" if model is None else model
-    path = ready_plant_fmu(given.model if isinstance(given, PlantModel) else given) if fmu is None else Path(fmu)
+    given = file_or_model("paper" if model is None else model)
+    path = ready_plant_fmu(given) if fmu is None else Path(fmu)
     subject = Path(fmu).name if fmu is not None else str(getattr(given, "name", given))
     sampling = _fine(wanted.sampling)
     rng = np.random.default_rng(wanted.seed)

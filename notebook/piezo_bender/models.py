@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 from bender_loop.errors import InputError
 from bender_plant import model as plant_models
@@ -166,20 +166,66 @@ class PlantFmu:
         return f"<p>{self.__repr__().strip('<>')}</p>{self.plant._repr_html_()}"
 
 
-def load_model(model: "str | Path | Model | PlantModel" = "paper") -> PlantModel:
-    """Return a built-in model (paper, beam, bench) or that of a model file.
+@runtime_checkable
+class HasModel(Protocol):
+    """A result that found a model: of `diagnose` and `fit_model`."""
+
+    @property
+    def model(self) -> PlantModel:
+        """The model."""
+        ...
+
+
+@runtime_checkable
+class HasPlant(Protocol):
+    """A result that has a model: of `identify` and `build_fmu`."""
+
+    @property
+    def plant(self) -> PlantModel:
+        """The model."""
+        ...
+
+
+AnyModel: TypeAlias = str | Path | Model | PlantModel | HasModel | HasPlant
+"""A built-in name, a model file, a model, or a result that has one."""
+
+
+def file_or_model(given: AnyModel, argument: str = "model") -> str | Path | Model:
+    """Return a name, a file, or the model that an object is or has found.
 
     Raises:
-        InputError: there is neither, or what the file says cannot be.
+        InputError: it has none, or one that stands in for an FMU.
     """
-    if isinstance(model, PlantModel):
-        return model
-    if isinstance(model, Model):
-        return PlantModel(model)
-    return _plant(lambda: plant_models.load_model(model))
+    if isinstance(given, str | Path | Model):
+        return given
+    if isinstance(given, PlantModel):
+        return given.model
+    if getattr(given, "stand_in", None) is not None:
+        raise InputError(
+            f"{argument}: found a {type(given).__name__} of an FMU, expected a model: save it and pass "
+            "fmu='FOLDER/model.fmu'"
+        )
+    for name in ("model", "plant"):
+        found = getattr(given, name, None)
+        if isinstance(found, PlantModel | Model):
+            return found.model if isinstance(found, PlantModel) else found
+    raise InputError(
+        f"{argument}: found a {type(given).__name__}, expected the name of a built-in model, a model file, a model "
+        "from load_model, or a result that has one"
+    )
 
 
-def build_fmu(model: "str | Path | Model | PlantModel" = "paper") -> PlantFmu:
+def load_model(model: AnyModel = "paper") -> PlantModel:
+    """Return a built-in model (paper, beam, bench), that of a model file, or that of a result.
+
+    Raises:
+        InputError: there is none, or what the file says cannot be.
+    """
+    given = file_or_model(model)
+    return PlantModel(given) if isinstance(given, Model) else _plant(lambda: plant_models.load_model(given))
+
+
+def build_fmu(model: AnyModel = "paper") -> PlantFmu:
     """Return the FMU of a model; `save` writes it and the controller's FMU.
 
     Raises:

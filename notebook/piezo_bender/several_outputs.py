@@ -2,11 +2,10 @@
 
 import pickle
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs import diagnose_outputs as diagnose_records
 from bender_discrepancy.foreign.outputs_report import content, folders_of, joint_numbers, sentence, write
@@ -17,6 +16,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.variables import variables_of
 from bender_report.drawing import require_drawing
 from bender_report.wording import quantity
+from piezo_bender.diagnoses import Diagnosis, as_result
 from piezo_bender.records import several
 from piezo_bender.shared import Progress, html_table, name_arguments_in_errors, one_of, silent
 
@@ -48,7 +48,7 @@ class OutputsDiagnosis:
     @property
     def by_itself(self) -> Mapping[str, Diagnosis]:
         """The diagnosis of each output, by its name."""
-        return self.outcome.by_itself
+        return cast(Mapping[str, Diagnosis], self.outcome.by_itself)
 
     def save(self, folder: Path | str) -> Path:
         """Write a folder for each output, outputs.json, report.html and the corrected FMU of all; return the directory.
@@ -183,4 +183,4 @@ def diagnose_outputs(
         parameters,
         suspects=[suspects] if isinstance(suspects, str) else list(suspects),
     )
-    return OutputsDiagnosis(found)
+    return OutputsDiagnosis(replace(found, by_itself={name: as_result(x) for name, x in found.by_itself.items()}))

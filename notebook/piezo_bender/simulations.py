@@ -19,7 +19,7 @@ from bender_loop.tables.quantities import USUAL, Quantities, of_input_and_output
 from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import unit_text
-from piezo_bender.models import PlantModel
+from piezo_bender.models import AnyModel, file_or_model
 from piezo_bender.shared import axes_or_new, frame_of, name_arguments_in_errors, one_of
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Simulation:
 
 @name_arguments_in_errors
 def simulate(
-    model: str | Path | Model | PlantModel | None = None,
+    model: AnyModel | None = None,
     *,
     time_s: ArrayLike,
     voltage_V: ArrayLike,
@@ -128,7 +128,7 @@ def simulate(
 
 @contextlib.contextmanager
 def _plant(
-    model: str | Path | Model | PlantModel | None,
+    model: AnyModel | None,
     fmu: Path | str | None,
     names: tuple[str | None, str | None],
     parameters: Mapping[str, float] | None,
@@ -146,7 +146,6 @@ def _plant(
         raise InputError("parameters: found without fmu, expected with it; load_model(...).with_values sets a model's")
     from bender_native.ready import ready_plant_fmu
 
-    given = "paper" if model is None else model
-    own = given.model if isinstance(given, PlantModel) else given
+    own = file_or_model("paper" if model is None else model)
     with FmuPlant(ready_plant_fmu(own)) as plant:
         yield plant, own.name if isinstance(own, Model) else Path(own).stem

@@ -10,7 +10,6 @@ from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
 from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.tables.quantities import USUAL, of_input_and_output
-from bender_plant.model import Model
 from bender_report.wording import relabelled, shown_in
 from bender_tuner.model.python_control import ControlSystems, to_control
 from bender_tuner.results.summary import table_rows
@@ -25,7 +24,7 @@ from bender_tuner.task.session import (
     write_results,
 )
 from bender_tuner.task.settings import TuneSettings, make_settings
-from piezo_bender.models import PlantModel
+from piezo_bender.models import AnyModel, file_or_model
 from piezo_bender.shared import (
     Progress,
     axes_or_new,
@@ -162,7 +161,7 @@ class TuningResult:
 @shows_settings(TuneSettings)
 @name_arguments_in_errors
 def tune(
-    model: str | Path | Model | PlantModel | None = None,
+    model: AnyModel | None = None,
     *,
     fmu: Path | str | None = None,
     input_name: str | None = None,
@@ -214,13 +213,13 @@ def tune(
         return TuningResult(session, facts)
 
 
-def _plant_fmu(model: str | Path | Model | PlantModel) -> Path:
+def _plant_fmu(model: AnyModel) -> Path:
     from bender_native.ready import ready_plant_fmu
 
-    return ready_plant_fmu(model.model if isinstance(model, PlantModel) else model)
+    return ready_plant_fmu(file_or_model(model))
 
 
-def _lacking_fmus(model: str | Path | Model | PlantModel) -> tuple[tuple[str, Path], ...]:
+def _lacking_fmus(model: AnyModel) -> tuple[tuple[str, Path], ...]:
     from bender_native.lacking import lacking_fmus
 
-    return lacking_fmus(model.model if isinstance(model, PlantModel) else model)
+    return lacking_fmus(file_or_model(model))

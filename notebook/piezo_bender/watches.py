@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_plant.model import Model
 from bender_watch.baseline.learn import learn
 from bender_watch.command import summary_of
 from bender_watch.follow.rows import Rows
 from bender_watch.session import EVENTS, REPORT, SUMMARY, lines_of
 from bender_watch.settings import Settings
 from bender_watch.watcher import Watcher
-from piezo_bender.models import PlantModel, load_model
+from piezo_bender.models import AnyModel, load_model
 from piezo_bender.records import load_record, several
 from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, one_of, silent
 
@@ -87,7 +86,7 @@ class Watched:
 
 def watch(
     records: "Source | list[Any] | tuple[Any, ...]",
-    model: str | Path | Model | PlantModel | None = None,
+    model: AnyModel | None = None,
     *,
     training: "Source",
     rows_between_false_alarms: float = 1e6,

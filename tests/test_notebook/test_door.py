@@ -174,6 +174,7 @@ def test_a_diagnosis_is_that_of_the_command(
     write_record(tmp_path / "one.csv", lagging)
     assert main(["diagnose", "one.csv", "--out", "command", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
+    files = told.pop("sha256")
     steps: list[str] = []
     found = pb.diagnose("one.csv", progress=steps.append)
     assert told.pop("provenance")["command"] == "bender diagnose one.csv --out command --json"
@@ -183,6 +184,7 @@ def test_a_diagnosis_is_that_of_the_command(
     found.save("door")
     saved = json.loads(Path("door/diagnosis.json").read_text(encoding="utf-8"))
     assert saved.pop("provenance")["command"] is None
+    assert saved.pop("sha256").keys() == files.keys()
     assert saved == told
     assert Path("door/model.toml").read_bytes() == Path("command/model.toml").read_bytes()
     door, command = (unpacked(Path(x) / "model.fmu") for x in ("door", "command"))
@@ -211,6 +213,7 @@ def test_a_diagnosis_pickles_whole(found: pb.Diagnosis, tmp_path: Path):
     again = pickle.loads(pickle.dumps(found))
     assert again.to_dict() == found.to_dict()
     assert again.model == found.model
+    assert type(again) is type(found)
     assert {x.name for x in again.save(tmp_path).iterdir()} >= {"report.html", "model.fmu", "diagnosis.json"}
     assert again.plot(axes()) is not None
 
@@ -247,6 +250,38 @@ def test_a_diagnosis_draws_and_tells_itself(found: pb.Diagnosis):
     assert set(frame["effect"]) == {"source_resistance"}
     with pytest.raises(AttributeError):
         found.names = ()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.slow
+def test_the_model_of_a_diagnosis_is_a_model_of_the_door(found: pb.Diagnosis, lagging: Record, tmp_path: Path):
+    assert isinstance(found, pb.Diagnosis)
+    assert isinstance(found.model, pb.PlantModel)
+    assert len(found.model.to_frame()) == len(found.model.model.values())
+    assert pb.load_model(found.save(tmp_path) / "model.toml").model == found.model.model
+    again = pickle.loads(pickle.dumps(found))
+    assert isinstance(again, pb.Diagnosis)
+    # a result stands for its model wherever a model is asked for
+    over = pb.compare(lagging, found)
+    assert over.to_dict() == pb.compare(lagging, found.model).to_dict()
+    assert "PlantModel" not in repr(over)
+    assert pb.build_fmu(found).content == pb.build_fmu(found.model).content
+    assert pb.tune(found, method="simc").gains == pb.tune(found.model, method="simc").gains
+
+
+@pytest.mark.parametrize(
+    "call", [pb.tune, pb.load_model, lambda x: pb.compare("x.csv", x), lambda x: pb.watch("x", x, training="x")]
+)
+def test_what_has_no_model_is_named_by_its_kind(call):
+    with pytest.raises(pb.InputError, match="model: found a Catalogue, expected"):
+        call(pb.effects())
+
+
+def test_a_record_twice_is_refused_by_a_first_model_as_by_a_diagnosis(lagging: Record):
+    frame = pd.DataFrame(columns(lagging))
+    said = "record 2: found the readings of record 1 again, expected another record; they would count twice"
+    for call in (pb.fit_model, pb.diagnose):
+        with pytest.raises(pb.InputError, match=said):
+            call([frame, frame])
 
 
 def test_a_model_and_its_fmu(tmp_path: Path):
