@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_fleet.cluster.settings import ClusterSettings, require_cluster
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_record_arguments
+from bender_loop.records.arguments import OneAtATime, add_record_arguments
 from bender_loop.shell.run import remark
 
 if TYPE_CHECKING:
@@ -63,8 +63,10 @@ def _add_model(parser: argparse.ArgumentParser, action: str) -> None:
         parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the resampling (default: 1)")
         return
     parser.add_argument("--fmu", type=Path, metavar="FILE", help="a co-simulation FMU instead of a model")
-    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
-    parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
+    parser.add_argument(
+        "--input", action=OneAtATime, metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)"
+    )
+    parser.add_argument("--output", action=OneAtATime, metavar="NAME", help="output of the FMU (default: its only one)")
     add_set_argument(parser)
     if action == "diagnose":
         add_suspect_argument(parser)

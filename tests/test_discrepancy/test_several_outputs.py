@@ -24,10 +24,12 @@ from bender_discrepancy.foreign.joint_explanations import (
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs_report import factors, joint_numbers, sentence, titles
 from bender_discrepancy.search.result import Interrupted
+from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record
 from bender_loop.records.record import read_record
 from bender_loop.records.replay import replay
+from bender_loop.shell.run import say_held
 from bender_loop.tables.quantities import Quantities
 from bender_plant.model import load_model
 
@@ -183,6 +185,52 @@ def test_several_outputs_and_further_inputs_need_an_fmu(tmp_path: Path, capsys: 
     assert "--fmu" in capsys.readouterr().err
     assert main(["compare", str(record), "--further-input", "load"]) == 2
     assert "--further-input: found without --fmu" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["compare", "watch"])
+def test_a_recorded_input_that_nothing_drives_is_not_passed_over_in_silence(
+    arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    record, out = write(tmp_path / "record.csv", (0, 0), load_N=1.0), tmp_path / "out"
+    columns = ["--columns", "time [s],command [V],tip [mm]", "--units", "s,V,mm"]
+    of = {"compare": [str(record), "--fmu", str(arm)], "watch": [str(arm), str(record), "--replay", "--learn", "600"]}
+    words = [command, *of[command], "--input", "command", "--output", "tip", "--out", str(out)]
+    assert main([*words, *(columns if command == "watch" else [])]) in (0, 3)
+    said = "load of the FMU stays at 0; the record has a column of that name"
+    assert capsys.readouterr().err.count(said) == 1
+    for driven in (["--further-input", "load"], ["--set", "load=2"]) if command == "compare" else ():
+        assert main([*words, *driven]) == 0
+        assert said not in capsys.readouterr().err
+
+
+def test_several_outputs_tell_of_an_input_that_nothing_drives_once(
+    arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken_off(*_: object) -> None:
+        say_held()
+        raise RunError("enough")
+
+    monkeypatch.setattr("bender_discrepancy.foreign.outputs.diagnose_outputs", broken_off)
+    record = write(tmp_path / "record.csv", (0, 0), load_N=1.0)
+    assert main(["diagnose", str(record), "--fmu", str(arm), *TWO, "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err.count("that name: --further-input load") == 1
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [
+        ["compare", "r.csv", "--fmu", "f.fmu"],
+        ["calibrate-model", "r.csv", "--fmu", "f.fmu"],
+        ["watch", "f.fmu", "r.csv"],
+        ["tune", "--fmu", "f.fmu"],
+        ["simulate", "f.fmu", "--gains", "gains.toml"],
+        ["fmu", "linearise", "--fmu", "f.fmu"],
+        ["fleet", "diagnose", "r.csv", "--fmu", "f.fmu"],
+    ],
+)
+def test_a_command_of_one_output_refuses_two(begin: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*begin, "--output", "tip", "--output", "force"]) == 2
+    assert "--output: found 'force' beside 'tip', expected one output at a time" in capsys.readouterr().err
 
 
 MODEL = load_model("beam")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.fmu.start_values import add_set_argument, start_values
+from bender_loop.records.arguments import OneAtATime
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
 from bender_tuner.task.settings import GAIN_UNITS, OBJECTIVES, RULES, WEIGHTS, TuneSettings, make_settings
 
@@ -152,10 +153,16 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
         help="a co-simulation FMU (FMI 2.0, 3.0), native code that runs with your rights (default: built from --model)",
     )
     parser.add_argument(
-        "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"
+        "--input",
+        action=OneAtATime,
+        metavar="NAME",
+        help="voltage input of the FMU (default: its only input, or `voltage`)",
     )
     parser.add_argument(
-        "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
+        "--output",
+        action=OneAtATime,
+        metavar="NAME",
+        help="displacement output of the FMU (default: its only output, or `displacement`)",
     )
     parser.add_argument(
         "--units",

@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_loop.shell.run import remark
+from bender_loop.records.arguments import OneAtATime
+from bender_loop.shell.run import remark_held
 
 if TYPE_CHECKING:
     from bender_watch.session import Session
@@ -60,8 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tolerance", type=float, default=5.0, metavar="PERCENT", help="of the stroke, for trends (default: 5)"
     )
     parser.add_argument("--gains", type=Path, metavar="FILE", help="gains of the loop that the device is in")
-    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
-    parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
+    parser.add_argument(
+        "--input", action=OneAtATime, metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)"
+    )
+    parser.add_argument("--output", action=OneAtATime, metavar="NAME", help="output of the FMU (default: its only one)")
     parser.add_argument(
         "--input-hold", choices=("hold", "linear"), default="hold", help="voltage between two rows (default: held)"
     )
@@ -109,9 +112,10 @@ def _session(arguments: argparse.Namespace) -> "Session":
     from bender_watch.session import Session
     from bender_watch.settings import Settings, rows_of
 
+    unread = _unread(arguments)
     training = None
     if arguments.training is not None:
-        training = read_record(arguments.training, arguments.columns, arguments.units, tell=remark)
+        training = read_record(arguments.training, arguments.columns, arguments.units, tell=remark_held, unread=unread)
     interval_s = None
     if training is not None:
         interval_s = float((training.time_s[-1] - training.time_s[0]) / (len(training) - 1))
@@ -130,7 +134,7 @@ def _session(arguments: argparse.Namespace) -> "Session":
     )
     paths = [] if arguments.record == ["-"] else [Path(x) for x in arguments.record]
     kept = None if training is None else training.quantities
-    naming = Naming(arguments.columns, arguments.units, kept).checked()
+    naming = Naming(arguments.columns, arguments.units, kept, tuple(unread.items())).checked()
     source = Source(paths, naming, follow=not arguments.replay)
     for path in paths:
         if not path.exists():
@@ -155,6 +159,16 @@ def _model(arguments: argparse.Namespace) -> Any:
         return load_model(arguments.model)
     except ModelError as error:
         raise InputError(str(error)) from None
+
+
+def _unread(arguments: argparse.Namespace) -> dict[str, str]:
+    """Return the inputs of an FMU that nothing drives, and what is said where a record has a column of their name."""
+    if not arguments.model.lower().endswith(".fmu"):
+        return {}
+    from bender_loop.records.variables import undriven
+
+    stays = undriven(arguments.model, arguments.input, ())
+    return {name: f"{sentence}, and a watch drives one input alone" for name, sentence in stays.items()}
 
 
 def _loop(arguments: argparse.Namespace) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.errors import InputError
+from bender_loop.records.arguments import OneAtATime
 from bender_loop.shell.run import answer, remark
 
 if TYPE_CHECKING:
@@ -83,8 +84,8 @@ def _add_native(made: argparse.ArgumentParser) -> None:
 def _add_linearise(linear: argparse.ArgumentParser) -> None:
     linear.add_argument("--model", metavar="MODEL", help="model file or built-in model (default: paper)")
     linear.add_argument("--fmu", type=Path, metavar="FILE", help="any co-simulation FMU instead of a model")
-    linear.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one)")
-    linear.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
+    linear.add_argument("--input", action=OneAtATime, metavar="NAME", help="input of the FMU (default: its only one)")
+    linear.add_argument("--output", action=OneAtATime, metavar="NAME", help="output of the FMU (default: its only one)")
     linear.add_argument(
         "--units", metavar="IN,OUT", help="units of input and output where the FMU declares none, as W,K"
     )

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from bender_loop.fmu.start_values import add_set_argument
+from bender_loop.records.arguments import OneAtATime
 
 HELP = "simulate a closed loop: a model or FMU, a gains file, a reference"
 EXAMPLE = """\
@@ -22,8 +23,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--profile", type=Path, metavar="FILE", help="CSV with time_s and setpoint_um")
     what.add_argument("--setpoint", type=float, default=10.0, metavar="UM", help="height of a step (default: 10)")
     parser.add_argument("--duration", type=float, metavar="S", help="default: 150 frames, or the profile and 60 frames")
-    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
-    parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one, or `displacement`)")
+    parser.add_argument(
+        "--input", action=OneAtATime, metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)"
+    )
+    parser.add_argument(
+        "--output",
+        action=OneAtATime,
+        metavar="NAME",
+        help="output of the FMU (default: its only one, or `displacement`)",
+    )
     parser.add_argument(
         "--units", metavar="IN,OUT", help="units of input and output where the FMU declares none (default: V,m)"
     )

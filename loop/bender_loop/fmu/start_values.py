@@ -14,7 +14,8 @@ def add_set_argument(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="start_values",
         metavar="NAME=VALUE",
-        help="a parameter of the FMU, in its own unit; may be given several times",
+        help="a parameter of the FMU, or a further input held constant (fan_W=4), in its own unit; may be given "
+        "several times",
     )
 
 

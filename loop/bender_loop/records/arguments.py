@@ -40,7 +40,23 @@ def add_port_arguments(parser: argparse.ArgumentParser, several: bool = False) -
         parser.add_argument("--output", action=_PortAction, metavar="NAME[=COLUMN]", help=words)
 
 
-class _PortAction(argparse.Action):
+class OneAtATime(argparse.Action):
+    """Keeps the name of an input or an output, and refuses a second one."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, *_: object
+    ) -> None:
+        """Take the name.
+
+        A second one ends the command with status 2.
+        """
+        before = getattr(namespace, self.dest, None)
+        if before is not None:
+            parser.error(f"--{self.dest}: found {str(values)!r} beside {before!r}, expected one {self.dest} at a time")
+        setattr(namespace, self.dest, values)
+
+
+class _PortAction(OneAtATime):
     """Keeps the name of a variable as `input`, and the column that stands behind it as `input_column`."""
 
     def __call__(
@@ -49,7 +65,7 @@ class _PortAction(argparse.Action):
         name, equals, column = (x.strip() for x in str(values).partition("="))
         if not name or (equals and not column):
             parser.error(f"--{self.dest}: found {values!r}, expected NAME or NAME=COLUMN")
-        setattr(namespace, self.dest, name)
+        super().__call__(parser, namespace, name)
         setattr(namespace, f"{self.dest}_column", column or None)
 
 
@@ -60,7 +76,8 @@ def add_further_argument(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=COLUMN]",
-        help="an input of the FMU beside the command, and the column that it follows (default: one of its name)",
+        help="an input of the FMU beside the command, and the column that it follows (default: one of its name); "
+        "without it the input stays at its start value, even where the record has a column of its name",
     )
 
 
@@ -118,10 +135,11 @@ def record_of(
     if (command or reading) and getattr(arguments, "fmu", None) is None:
         raise InputError("--input, --output: found without --fmu, expected with it: they name variables of an FMU")
     with Progress(f"reading {path.name}") as bar:
-        variables = _variables(arguments, output)
+        variables, undriven = _variables(arguments, output), _undriven(arguments, further)
         record = read_record(
-            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading, further, variables, command
-        )
+            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading, further, variables, command,
+            undriven,
+        )  # fmt: skip
     if reading is None and "displacement" in variables and not variables["displacement"].unit:
         _tell_unit(path, variables["displacement"].name, record)
     if arguments.exposure is None:
@@ -143,6 +161,19 @@ def _variables(arguments: argparse.Namespace, output: str | None) -> "Mapping[st
     outputs = [arguments.output] if isinstance(arguments.output, str) else list(parsed(arguments.output or [], ""))
     name = output or (outputs[0] if outputs else None)
     return variables_of(arguments.fmu, arguments.input, name, output is not None or len(outputs) < 2)
+
+
+def _undriven(arguments: argparse.Namespace, further: "Mapping[str, str]") -> dict[str, str]:
+    """Return the inputs of the FMU that nothing drives, and what is said where a record has a column of their name."""
+    if getattr(arguments, "fmu", None) is None:
+        return {}
+    from bender_loop.records.variables import undriven
+
+    held = [str(x).rpartition("=")[0] for x in getattr(arguments, "start_values", [])]
+    return {
+        name: f"{sentence}: --further-input {name}"
+        for name, sentence in undriven(arguments.fmu, arguments.input, [*further, *held]).items()
+    }
 
 
 def _tell_unit(path: Path, output: str, record: "Record") -> None:

@@ -173,6 +173,7 @@ def read_record(
     further: Mapping[str, str] | None = None,
     variables: "Mapping[str, Variable] | None" = None,
     command: str | None = None,
+    unread: Mapping[str, str] | None = None,
 ) -> Record:
     """Read a record from a file.
 
@@ -191,6 +192,7 @@ def read_record(
         variables: a plant's input and output by the keys "voltage" and "displacement": a column of such a name
             is taken where there is none of the record's own name and `columns` names no other.
         command: the column that was commanded, in the place of the voltage; its heading may say its unit.
+        unread: by names that columns may have, what is told where one of them is there and nothing reads it.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
@@ -207,6 +209,12 @@ def read_record(
     chosen = {"voltage": command, "displacement": reading}
     names |= _columns_of_variables(table, chosen, variables or {}, set(_column_names(columns)))
     record = _record_of(table, names, scales, tell, variables or {})
+    if tell is not None:
+        read = {*names.values(), *usual, *beside.values()}
+        for name, sentence in (unread or {}).items():
+            heading = with_heading(name, table.header)
+            if heading in table and heading not in read:
+                tell(sentence)
     return replace(record, further=tuple(_further(table, *x) for x in beside.items())) if beside else record
 
 

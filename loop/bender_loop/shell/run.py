@@ -56,6 +56,7 @@ class Run:
         said_s: when something was last said, on the monotonic clock; None before.
         is_shown: whether a bar on a terminal shows what is going on.
         held: remarks that are said with whatever is said next, and dropped where the input is refused.
+        remarked: every remark that was ever held.
     """
 
     command: str
@@ -71,6 +72,7 @@ class Run:
     said_s: float | None = None
     is_shown: bool = False
     held: list[str] = field(default_factory=list)
+    remarked: set[str] = field(default_factory=set)
     _began_s: float = field(default_factory=time.monotonic)
 
     def note(self, line: str) -> None:
@@ -166,11 +168,17 @@ def remark(sentence: str) -> None:
 
 
 def remark_held(sentence: str) -> None:
-    """Hold a remark on the input until something else is said: input that is refused is answered with one line."""
+    """Hold a remark on the input until something else is said: input that is refused is answered with one line.
+
+    What is read several times is remarked on once.
+    """
     run = current()
     if run is None:
         remark(sentence)
         return
+    if sentence in run.remarked:
+        return
+    run.remarked.add(sentence)
     run.note(sentence)
     run.held.append(sentence)
 

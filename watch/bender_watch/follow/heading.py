@@ -7,6 +7,7 @@ from typing import Any
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import COLUMNS, Origin, checked_options, origins_in
+from bender_loop.tables.column_choice import with_heading
 from bender_loop.tables.quantities import Quantities, factor
 from bender_loop.tables.table import Table
 from bender_loop.tables.text_layout import SAMPLE_LINES, TextLayout, cells_of
@@ -25,16 +26,24 @@ class Naming:
         columns: as "time=t,voltage=U,displacement=d" or "t,U,d"; None for what the table says.
         units: of them, as "ms,V,mm".
         kept: units in which rows are kept: those of the training record; None for what the table says.
+        unread: names that columns may have, and what is told of one that is there and that nothing reads.
     """
 
     columns: str | None = None
     units: str | None = None
     kept: Quantities | None = None
+    unread: tuple[tuple[str, str], ...] = ()
 
     def is_met_by(self, header: Sequence[str]) -> bool:
         """Return whether a header has all columns that options name."""
         named = [x.rpartition("=")[2].strip() for x in (self.columns or "").split(",")]
         return self.columns is not None and all(x in header for x in named)
+
+    def passed_over(self, heading: "Heading") -> list[str]:
+        """Return what is told of columns that nothing reads."""
+        read = {heading.names[x] for x in heading.places if x >= 0}
+        own = {name: with_heading(name, heading.names) for name, _ in self.unread}
+        return [told for name, told in self.unread if own[name] in heading.names and own[name] not in read]
 
     def checked(self) -> "Naming":
         """Return itself.

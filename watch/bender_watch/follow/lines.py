@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.shell.run import remark_held
 from bender_loop.tables.text_layout import COMMENT_MARKS, TextLayout, decoded, number
 from bender_watch.follow.heading import KEYS, Heading, Naming, heading_of
 from bender_watch.follow.rows import Rows
@@ -136,6 +137,8 @@ class Lines:
             raise NoRecordError(str(error)) from None
         if self.heading is None:
             return b""
+        for sentence in self.naming.passed_over(self.heading):
+            remark_held(sentence)
         lines = self._top.splitlines(keepends=True)
         self.line, self._top = self.heading.first - 1, b""
         return b"".join(lines[self.line :])
