@@ -15,6 +15,7 @@ from bender_export.origin import device_name
 from bender_export.packager import pythonfmu_entries, pythonfmu_licence
 from bender_export.slaves import controller, following, plant, reference
 from bender_export.slaves.shell import Row
+from bender_loop.tables.quantities import USUAL
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
 
@@ -70,15 +71,18 @@ def stage_parts(model: Model, guid: str, table: tuple[Row, ...]) -> Parts:
     return description, page, parts
 
 
-def controller_archive(content: Content, start: Mapping[str, float], step_s: float) -> bytes:
+def controller_archive(
+    content: Content, start: Mapping[str, float], step_s: float, units: tuple[str, str] = USUAL[:2]
+) -> bytes:
     """Return the controller FMU.
 
     Args:
-        content: made of `start`.
+        content: made of `start` and `units`.
         start: start values of its parameters in place of its own, by name.
         step_s: communication step that it proposes.
+        units: of command and reading.
     """
-    description, page, more = controller_parts(content.guid, controller.table_of(start), step_s)
+    description, page, more = controller_parts(content.guid, controller.table_of(start, units), step_s)
     return _archive(content, description, page, more)
 
 

@@ -80,6 +80,23 @@ def controller_fmu(loop: "Loop | None" = None) -> bytes:
     return controller_archive(controller_content(loop.controller), loop.controller, loop.step_s)
 
 
+def build_controller_in_units(loop: "Loop", units: tuple[str, str], folder: Path) -> Path:
+    """Write the FMU of the PID block for a device of other quantities than volts and lengths.
+
+    Args:
+        loop: its controller's values are the start values, its step the one that the FMU proposes.
+        units: of command and reading, as they go in and out.
+        folder: of the FMU.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from bender_export.assembly import controller_archive
+
+    content = controller_content(loop.controller, units)
+    return _written(controller_archive(content, loop.controller, loop.step_s, units), folder / CONTROLLER_FMU)
+
+
 def reference_fmu() -> bytes:
     """Return the FMU of the setpoint of the closed loop; the same sources give the same bytes, but for the date."""
     from bender_export.assembly import reference_archive

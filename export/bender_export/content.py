@@ -16,6 +16,7 @@ from importlib.resources.abc import Traversable
 from typing import Any
 from uuid import UUID
 
+from bender_loop.tables.quantities import USUAL
 from bender_plant.blocks import BLOCKS
 
 _SHELL = "bender_export.slaves.shell"
@@ -68,19 +69,27 @@ def _added_blocks(table: Mapping[str, Any]) -> dict[str, str]:
     return {f"{_PLANT}/blocks/{name}.py": inspect.getsource(module) for name, module in modules.items()}
 
 
-def controller_content(start: Mapping[str, float] | None = None) -> Content:
+def controller_content(start: Mapping[str, float] | None = None, units: tuple[str, str] = USUAL[:2]) -> Content:
     """Return script, shell and PID block of the controller.
 
     Args:
         start: start values of its parameters in place of its own, by name.
+        units: of command and reading; the block takes and gives others as they stand, V, and m as the gains' um.
     """
-    start_json = json.dumps(dict(start or {}))
+    start_json, units_json = json.dumps(dict(start or {})), json.dumps(units)
     pid = _text(files("bender_loop") / "control" / "pid.py")
     slave = _text(_slaves() / "controller.py")
-    digest = _digest({"slave": slave, "pid": pid, "start": start_json})
+    digest = _digest({"slave": slave, "pid": pid, "start": start_json, "units": units_json})
     names = {_SHELL: f"bender_shell_{digest[:12]}", _PID: f"bender_pid_{digest[:12]}"}
     bundled = {f"{names[_PID]}.py": pid.encode()}
     script = _filled(_renamed(slave, names), 'START_JSON = "{}"', f'START_JSON = r"""{start_json}"""')
+    if units != USUAL[:2]:
+        script = _filled(script, 'UNITS_JSON = \'["V", "um"]\'', f'UNITS_JSON = r"""{units_json}"""')
+        script = _filled(script, "1e6 * values[0], 1e6 * values[1]", "values[0], values[1]")
+        script = _filled(
+            script, "{command!r} V from setpoint {values[0]!r} m and", "{command!r} from setpoint {values[0]!r} and"
+        )
+        script = _filled(script, "measurement {values[1]!r} m, ", "measurement {values[1]!r}, ")
     return _content(digest, f"pid_controller_{digest[:12]}", "PidController", script, names, bundled)
 
 

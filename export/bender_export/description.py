@@ -85,11 +85,14 @@ def unit_definitions(table: Sequence[Row]) -> Element:
     """Return the units of a table of variables, as FMI 2.0 and 3.0 write them."""
     definitions = Element("UnitDefinitions")
     for name in sorted({row.unit for row in table}):
-        definitions.append(_unit_element(parse_unit(name)))
+        definitions.append(_unit_element(name))
     return definitions
 
 
-def _unit_element(unit: Unit) -> Element:
+def _unit_element(name: str) -> Element:
+    unit = _known(name)
+    if unit is None:
+        return Element("Unit", name=name)
     element = Element("Unit", name=unit.name)
     base = SubElement(element, "BaseUnit", {key: str(value) for key, value in unit.exponents.items()})
     if unit.factor != 1.0:
@@ -98,6 +101,14 @@ def _unit_element(unit: Unit) -> Element:
         shown, factor = unit.display
         SubElement(element, "DisplayUnit", name=shown, factor=repr(factor))
     return element
+
+
+def _known(name: str) -> Unit | None:
+    """Return a unit, None for one of another device that is not known here: it is declared by its name alone."""
+    try:
+        return parse_unit(name)
+    except ValueError:
+        return None
 
 
 def _scalar_variable(reference: int, row: Row) -> Element:
@@ -121,7 +132,8 @@ def _scalar_variable(reference: int, row: Row) -> Element:
 def real_attributes(row: Row) -> dict[str, str]:
     """Return unit, range, nominal and start value of a real variable."""
     attributes = {"unit": row.unit}
-    display = parse_unit(row.unit).display
+    unit = _known(row.unit)
+    display = None if unit is None else unit.display
     if display is not None:
         attributes["displayUnit"] = display[0]
     for name, bound in (("min", row.minimum), ("max", row.maximum)):

@@ -31,7 +31,7 @@ _PLANT_RULES = (
 _CONTROLLER_RULES = (
     "One communication step is one sample: its length is the sampling time dt.",
     "The command follows at the end of the step from the inputs that were set before it.",
-    "Before the first sample the command is the one nearest to 0 V that the limits allow.",
+    "Before the first sample the command is the one nearest to 0 that the limits allow.",
 )
 _FOLLOWING_RULES = (
     *_CONTROLLER_RULES,

@@ -17,7 +17,7 @@ from bender_hil.runner.run_lock import sole_run_with_note
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.files import finite
 from bender_native.ready import ready_plant_fmu
-from bender_tuner.results.gains_file import read_gains
+from bender_tuner.results.gains_file import read_bench_gains
 from piezo_bender.records import LoadedRecord, load_record
 from piezo_bender.shared import Progress, html_table, silent
 
@@ -129,7 +129,7 @@ def run_bench(
         setpoint=setpoint_um,
         gains=None if gains is None else Path(gains),
     )
-    program = make_program(words, wanted, read_gains)
+    program = make_program(words, wanted, read_bench_gains)
     place = Path(out) if out is not None else Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     with sole_run_with_note(wanted.address, place, progress):
         result = run_on_bench(

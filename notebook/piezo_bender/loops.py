@@ -22,7 +22,7 @@ from bender_loop.fmu.followed_model import FollowedModel, Loop, run_following
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, of_input_and_output
 from bender_report.palette import light
 from bender_report.wording import axis_text, relabelled, shown_in
-from bender_tuner.results.gains_file import read_controller
+from bender_tuner.results.gains_file import read_controller, require_units
 from bender_tuner.task.session import open_guarded
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import AnyModel, file_or_model
@@ -276,6 +276,8 @@ def simulate_loop(
                 found=diagnosed(fmu if model is None else model if isinstance(model, str | Path) else None),
             )
         )
+        if isinstance(gains, Path | str):
+            require_units(Path(gains), facts.units, f"{subject}; where an FMU declares none, say them")
         if controller.followed is not None and controller.model is not None and follow_model:
             loop = Loop(
                 sampling.period_s,

@@ -15,16 +15,20 @@ from xml.etree import ElementTree
 
 import pytest
 import tomli_w
+from fmpy import read_model_description, simulate_fmu
 
+from bender_cli.main import main
 from bender_export import build
 from bender_export.archive import guid_of
 from bender_export.assembly import plant_parts
 from bender_export.origin import device_name, facts_of, generation_date
+from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError, RunError
 from bender_native.description import fmi3_description
 from bender_plant.model import Model, ModelError, load_model, model_from_table
 from bender_plant.origin import Origin
 from bender_plant.valid_range import ValidRange
+from bender_tuner.results.gains_file import write_gains
 
 
 @pytest.fixture
@@ -269,3 +273,43 @@ def test_the_report_beside_the_model_file_goes_into_the_fmu(oven: Model, tmp_pat
         assert archive.read("documentation/report.html") == b"<p>what was found</p>"
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     assert (root.get("modelName"), root.get("generationDateAndTime")) == ("oven 3", generation_date())
+
+
+@pytest.fixture
+def oven_gains(tmp_path: Path) -> Path:
+    path = tmp_path / "oven.toml"
+    write_gains(path, Gains(13.0, 0.5), Limits(0.0, 200.0), 2.0, units=("W", "K"))
+    return path
+
+
+def test_the_controller_of_another_device_takes_and_gives_its_units(
+    oven_gains: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["fmu", "build", "--gains", str(oven_gains), "--out", str(out)]) == 0
+    assert os.listdir(out) == ["PidController.fmu"]
+    assert "takes and gives W and K; no plant and no loop" in capsys.readouterr().err
+    path = out / "PidController.fmu"
+    units = {x.name: x.unit for x in read_model_description(str(path)).modelVariables}
+    assert [units[x] for x in ("setpoint", "measurement", "command", "limits.upper")] == ["K", "K", "W", "W"]
+    assert [units[f"gains.{x}"] for x in ("proportional", "integral", "derivative")] == ["W/K", "W/(K.s)", "W.s/K"]
+    found = simulate_fmu(
+        str(path), stop_time=2.0, step_size=2.0, output_interval=2.0, output=["command"],
+        start_values={"setpoint": 5.0, "measurement": 1.0},
+    )  # fmt: skip
+    assert found["command"][-1] == pytest.approx(13.0 * 4.0 + 0.5 * 2.0 * 4.0)
+
+
+def test_a_controller_in_other_units_is_not_made_native(
+    oven_gains: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fmu", "build", "--native", "--gains", str(oven_gains), "--out", str(tmp_path / "out")]) == 2
+    assert "found gains in W and K with --native" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_gains_of_another_device_are_not_simulated_on_the_actuator(
+    oven_gains: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", "paper", "--gains", str(oven_gains), "--out", str(tmp_path / "out")]) == 2
+    assert "found gains in W and K, expected V and µm, the units of paper" in capsys.readouterr().err

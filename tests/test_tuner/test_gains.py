@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from bender_loop.control import pid
 from bender_loop.control.pid import UNLIMITED, Gains, Limits, PidState
 from bender_loop.errors import InputError
-from bender_tuner.results.gains_file import read_gains, write_gains
+from bender_tuner.results.gains_file import read_bench_gains, read_gains, read_units, write_gains
 from bender_tuner.rules.gain_forms import IsaForm, from_isa, to_discrete, to_isa
 
 GAIN = st.floats(1e-3, 1e3)
@@ -152,3 +152,20 @@ def test_nothing_is_written_for_a_period_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="period_s"):
         write_gains(tmp_path / "gains.toml", GAINS, LIMITS, math.nan)
     assert not list(tmp_path.iterdir())
+
+
+def test_units_are_said_where_they_are_others_than_the_names_say(written: Path, tmp_path: Path) -> None:
+    assert "units" not in written.read_text(encoding="utf-8")
+    assert read_units(written) is None
+    path = tmp_path / "oven.toml"
+    write_gains(path, GAINS, LIMITS, 0.02, units=("W", "K"))
+    assert read_units(path) == ("W", "K")
+    assert read_gains(path) == (GAINS, LIMITS, 0.02)
+
+
+def test_gains_of_other_units_do_not_run_on_a_bench(written: Path, tmp_path: Path) -> None:
+    path = tmp_path / "oven.toml"
+    write_gains(path, GAINS, LIMITS, 0.02, units=("W", "K"))
+    assert read_bench_gains(written) == read_gains(written)
+    with pytest.raises(InputError, match="found gains in W and K, expected V and µm, the units of a bench"):
+        read_bench_gains(path)

@@ -138,13 +138,35 @@ def _build(arguments: argparse.Namespace) -> int:
     loop = None
     if arguments.gains is not None:
         from bender_export.system import loop_of
-        from bender_tuner.results.gains_file import read_gains
+        from bender_loop.tables.quantities import USUAL
+        from bender_tuner.results.gains_file import read_gains, read_units
 
-        loop = loop_of(*read_gains(arguments.gains))
+        loop, units = loop_of(*read_gains(arguments.gains)), read_units(arguments.gains) or USUAL[:2]
+        if units != USUAL[:2]:
+            return _build_in_units(arguments, loop, units)
     if arguments.native:
         return _build_native(arguments, loop)
     _require_native(arguments)
     return _print_written(build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop))
+
+
+def _build_in_units(arguments: argparse.Namespace, loop: "Loop", units: tuple[str, str]) -> int:
+    from bender_export.build import build_controller_in_units
+    from bender_report.wording import unit_text
+
+    said = " and ".join(unit_text(x) for x in units)
+    if arguments.native:
+        raise InputError(
+            f"{arguments.gains}: found gains in {said} with --native, expected no --native; or remove [units] and feed "
+            f"the FMU with {unit_text(units[1])} times 1e-6"
+        )
+    _require_native(arguments)
+    path = build_controller_in_units(loop, units, arguments.out)
+    remark(
+        f"note: the controller takes and gives {said}; no plant and no loop of this project's device are written "
+        "beside it: connect it with your own FMU in your tool, or run both by bender simulate"
+    )
+    return _print_written([path])
 
 
 def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:

@@ -11,9 +11,11 @@ __all__ = ["EXAMPLE", "HELP", "add_arguments", "run"]
 def run(arguments: argparse.Namespace) -> int:
     """Run on a bench; returns the exit status. Raises what `bender_hil.command.run` raises."""
     from bender_hil.command import run as run_bench
-    from bender_tuner.results.gains_file import read_controller, read_gains
+    from bender_tuner.results.gains_file import read_bench_gains, read_controller
 
-    return run_bench(arguments, fmu=_plant_fmu, read_gains=read_gains, read_model=lambda path: read_controller(path)[3])
+    return run_bench(
+        arguments, fmu=_plant_fmu, read_gains=read_bench_gains, read_model=lambda path: read_controller(path)[3]
+    )
 
 
 def _plant_fmu(model: str) -> Path:

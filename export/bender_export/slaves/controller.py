@@ -7,7 +7,8 @@ is worked out at the end of the step from the inputs that stood before it, with 
 
 import json
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bender_export.slaves.shell import Row, Shell
@@ -15,6 +16,8 @@ from bender_loop.control.pid import Gains, Limits, PidState, step
 
 IDENTITY = "PidController"
 START_JSON = "{}"
+UNITS_JSON = '["V", "um"]'
+"""Of command and reading, which V and um of the gains stand for."""
 
 _LIMITS = Limits()
 TABLE = (
@@ -44,9 +47,27 @@ _COMMAND = 2
 _FIRST_LIMIT = 8
 
 
-def table_of(start: Mapping[str, float]) -> tuple[Row, ...]:
-    """Return the variables with these start values in place of those of `TABLE`."""
-    return tuple(row._replace(start=start.get(row.name, row.start)) for row in TABLE)
+def table_of(start: Mapping[str, float], units: Sequence[str] = ("V", "um")) -> tuple[Row, ...]:
+    """Return the variables with these start values in place of those of `TABLE`.
+
+    Args:
+        start: values by name.
+        units: of command and reading; others than V and um stand in their places, and in that of m.
+    """
+    table = tuple(row._replace(start=start.get(row.name, row.start)) for row in TABLE)
+    return table if tuple(units) == ("V", "um") else tuple(_in_units(row, units) for row in table)
+
+
+def _in_units(row: Row, units: Sequence[str]) -> Row:
+    own = {"V": units[0], "um": units[1], "m": units[1]}
+    whole = row.unit in own
+    parts = [own.get(x, x) if whole or x not in own else _bracketed(own[x]) for x in re.split(r"(\W)", row.unit)]
+    text = row.description.replace("displacement", "reading").replace("voltage", "command")
+    return row._replace(unit="".join(parts), description=text)
+
+
+def _bracketed(unit: str) -> str:
+    return unit if unit.isalpha() else f"({unit})"
 
 
 class PidController(Shell):
@@ -55,7 +76,7 @@ class PidController(Shell):
     IDENTITY = IDENTITY
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(table_of(json.loads(START_JSON)), **kwargs)
+        super().__init__(table_of(json.loads(START_JSON), json.loads(UNITS_JSON)), **kwargs)
         self.block: tuple[Gains, Limits] | None = None
         self.rest()
 

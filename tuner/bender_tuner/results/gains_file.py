@@ -1,8 +1,8 @@
 """`gains.toml`: the tuned gains in every form, with units in the names.
 
-Only `sampling_period_s`, `[parallel]`, `[limits]` and `[model_following]` are read; `[isa]` and `[discrete]` are
-written for other controllers and must agree with `[parallel]` where they are present, so that a file never says two
-things.
+Only `sampling_period_s`, `[parallel]`, `[limits]`, `[units]` and `[model_following]` are read; `[isa]` and
+`[discrete]` are written for other controllers and must agree with `[parallel]` where they are present, so that a file
+never says two things. Where `[units]` stands, every V and um of the names stands for its units.
 The gains hold with and without the model that `[model_following]` names.
 """
 
@@ -20,6 +20,8 @@ from bender_loop.fmu.followed_model import FollowedModel, followed_model
 from bender_loop.shell.complaint import first_complaint
 from bender_loop.shell.files import write_atomically
 from bender_loop.shell.toml_file import read_toml_file
+from bender_loop.tables.quantities import USUAL
+from bender_report.wording import unit_text
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
 
 _AGREEMENT = 1e-6
@@ -78,8 +80,14 @@ class _Following(_Table):
     held_back: float = 0.0
 
 
+class _Units(_Table):
+    command: str
+    reading: str
+
+
 class _GainsFile(_Table):
     sampling_period_s: float
+    units: _Units | None = None
     parallel: _Parallel
     limits: _Limits = _Limits()
     isa: _Isa | None = None
@@ -93,10 +101,22 @@ def write_gains(
     limits: Limits,
     sampling_period_s: float,
     following: FollowedModel | None = None,
+    units: tuple[str, str] = USUAL[:2],
 ) -> None:
-    """Write the gains in parallel, ISA (where it exists) and discrete form; ValueError for a bad period."""
+    """Write the gains in parallel, ISA (where it exists) and discrete form; ValueError for a bad period.
+
+    Args:
+        path: of the file.
+        gains: of the PID block.
+        limits: of the command.
+        sampling_period_s: time between samples.
+        following: the model that is followed.
+        units: of command and reading; said in the file where they are not V and um.
+    """
+    own = {} if units == USUAL[:2] else {"units": {"command": units[0], "reading": units[1]}}
     table: dict[str, Any] = {
         "sampling_period_s": sampling_period_s,
+        **own,
         "parallel": asdict(gains),
         "limits": asdict(limits),
     }
@@ -114,6 +134,49 @@ def read_gains(path: Path) -> tuple[Gains, Limits, float]:
             gains among them), or its derived forms contradict `[parallel]`.
     """
     return read_controller(path)[:3]
+
+
+def read_units(path: Path) -> tuple[str, str] | None:
+    """Read the units of command and reading: those that the file says, else those of the model that it follows.
+
+    Returns:
+        None where nothing is said: V and um, or those of whoever wrote the file.
+
+    Raises:
+        InputError: as `read_gains`.
+    """
+    content = _validated(path, read_toml_file(path, "a gains file (TOML)"))
+    if content.units is not None:
+        return content.units.command, content.units.reading
+    followed = [] if content.model_following is None else content.model_following.units
+    return (followed[0], followed[1]) if len(followed) > 1 else None
+
+
+def require_units(path: Path, units: tuple[str, str], of: str) -> None:
+    """Refuse gains that say other units than those of what they are to control.
+
+    Args:
+        path: of the gains.
+        units: of the command and the reading.
+        of: what has them, and what to do where it has not.
+
+    Raises:
+        InputError: the file cannot be read, or says other units.
+    """
+    found = read_units(path)
+    if found is not None and found != units:
+        said, wanted = (" and ".join(unit_text(x) for x in y) for y in (found, units))
+        raise InputError(f"{path}: found gains in {said}, expected {wanted}, the units of {of}")
+
+
+def read_bench_gains(path: Path) -> tuple[Gains, Limits, float]:
+    """Read (gains, limits, sampling_period_s) for a bench, which takes volts and reads micrometres.
+
+    Raises:
+        InputError: as `read_gains`, or the gains are in other units.
+    """
+    require_units(path, USUAL[:2], "a bench")
+    return read_gains(path)
 
 
 def read_controller(path: Path) -> tuple[Gains, Limits, float, FollowedModel | None]:

@@ -59,6 +59,7 @@ class Session:
         reason: what failed, empty otherwise.
         partial: the gains are those of a search that was cut short, beside a complete result of an earlier run.
         recommendation: whether a model is followed with the gains, and why; None where nobody asked.
+        units: of command and reading, which V and um stand for.
     """
 
     settings: TuneSettings
@@ -70,6 +71,7 @@ class Session:
     reason: str = ""
     partial: bool = False
     recommendation: Recommendation | None = None
+    units: tuple[str, str] = USUAL[:2]
 
     @property
     def following(self) -> Following | None:
@@ -193,7 +195,7 @@ def run_session(
         KeyboardInterrupt: before there were gains to keep.
     """
     settings = problem.settings
-    session = Session(settings, problem, ziegler_nichols_rule(problem))
+    session = Session(settings, problem, ziegler_nichols_rule(problem), units=facts.units)
     _search(session, report)
     _require_gains(session)
     _refuse_unfit(session)
@@ -472,7 +474,8 @@ def write_controller(session: Session, out: Path) -> None:
         if following is not None:
             write_atomically(out / MODEL, following.fmu.read_bytes())
         model = None if following is None else following.model
-        write_gains(session.place(out, GAINS), gains, settings.limits, settings.sampling.period_s, model)
+        path, period_s = session.place(out, GAINS), settings.sampling.period_s
+        write_gains(path, gains, settings.limits, period_s, model, session.units)
 
 
 def _has_complete_result(out: Path) -> bool:
