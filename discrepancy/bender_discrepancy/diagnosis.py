@@ -159,9 +159,10 @@ class Diagnosis:
         return result_text(self._outcome)
 
     def to_frame(self) -> "DataFrame":
-        """Return the numbers of the effects and what was recalibrated, one row each (needs pandas).
+        """Return the numbers of the effects and all that changed of the model itself, one row each (needs pandas).
 
-        Columns: effect ("recalibrated" for the model's own numbers), stage, in_model, parameter, value, before, std,
+        Columns: effect ("recalibrated" for the model's own numbers, also where they changed by less than the records
+        leave open), stage, in_model, parameter, value, before, std,
         low_95, high_95, unit, share_of_gap, grade, probability. What is not known, or does not apply, is NaN or empty.
         """
         import pandas as pd
@@ -173,9 +174,16 @@ class Diagnosis:
             sure = {"share_of_gap": x["share_of_gap"], "grade": x["grade"], "probability": x["probability"]}
             for name, p in x["parameters"].items() or [("", {})]:
                 rows.append(about | {"parameter": name} | _cells(p) | sure)
-        for name, p in self._outcome["recalibrated"].items():
-            about = {"effect": "recalibrated", "stage": "", "in_model": True, "parameter": name}
-            rows.append(about | _cells(p | {"value": p["after"]}) | dict.fromkeys(("share_of_gap", "probability")))
+        unit = self._outcome["unit"]
+        for x in self.findings.changed:
+            about = {"effect": "recalibrated", "stage": "", "in_model": True, "parameter": x.name}
+            told = {
+                "value": x.after,
+                "before": x.before,
+                "std": x.std if x.interval_95 else None,
+                "interval_95": x.interval_95,
+            }
+            rows.append(about | _cells(told | {"unit": unit if x.name == "offset" else x.unit}))
         numbers = ["value", "before", "std", "low_95", "high_95", "share_of_gap", "probability"]
         columns = pd.Index([*_WHAT, *numbers[:5], "unit", "share_of_gap", "grade", "probability"])
         return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, float)).fillna({"grade": ""})
@@ -261,7 +269,10 @@ class Diagnosis:
         from bender_report.wording import figure, unit_text
 
         before, after = self.gap.recalibrated.rms_um, self.gap.after.rms_um
-        found = ", ".join(x.id for x in self.effects) or "no effects"
+        added = {x.id for x in self.added}
+        found = ", ".join(f"{x.id} ({x.probability:.2f})" for x in self.added) or "no effects"
+        rivals = ", ".join(dict.fromkeys(x.id for x in self.effects if x.id not in added))
+        found += f"; rivals {rivals}" if rivals else ""
         unit = unit_text(self.quantities.reading)
         return f"<Diagnosis {self.verdict}: {found}; gap {figure(before)} to {figure(after)} {unit} rms>"
 

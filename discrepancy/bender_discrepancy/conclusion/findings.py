@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
+from bender_discrepancy.conclusion.numbers import WITHIN, Span, form_of, number, numbers
 from bender_discrepancy.conclusion.shares import shares_of_gap, split
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.rigs import is_piezo_bender
@@ -98,6 +98,13 @@ class RecalibratedNumber:
         """Whether it changed by more than the records leave open."""
         return self.alone if math.isinf(self.std) else abs(self.after - self.before) > SIGNIFICANT * self.std
 
+    @property
+    def interval_95(self) -> tuple[float, float] | None:
+        """Where the number lies; None where the records leave it open."""
+        if not math.isfinite(self.std):
+            return None
+        return self.after - WITHIN * self.std, self.after + WITHIN * self.std
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
@@ -117,6 +124,7 @@ class Findings:
         of_record: the record whose surroundings and offset the corrected model has: the one with the largest gap where
             records differ in their surroundings, else the first.
         shares: of the gap, by what the corrected model has: effects, and the keys of `shares` beside them.
+        changed: every number of the model itself that is another one in the corrected model, significant or not.
     """
 
     search: SearchResult
@@ -131,6 +139,7 @@ class Findings:
     model: Model
     of_record: int = 0
     shares: Mapping[str, float] = field(default_factory=dict)
+    changed: tuple[RecalibratedNumber, ...] = ()
 
     @property
     def added(self) -> tuple[ReportedEffect, ...]:
@@ -246,6 +255,7 @@ def find(search: SearchResult) -> Findings:
         model=_model(search, calibration, kept, step),
         of_record=record,
         shares=shares,
+        changed=() if untouched else tuple(x for x in changed if x.after != x.before),
     )
 
 

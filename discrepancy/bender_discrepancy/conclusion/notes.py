@@ -292,7 +292,7 @@ def _stopped(search: SearchResult) -> list[str]:
         return []
     return [
         "the search stopped early, because one more effect would take too long; diagnose a shorter part of the "
-        "records, or diagnose again with --model model.toml of this result"
+        "records, or diagnose again with the corrected model (model.toml of this result)"
     ]
 
 

@@ -329,6 +329,7 @@ def with_suspected(best: Account, given: Account, suspected: Suspected) -> Diagn
         verdict="ambiguous" if suspected.rival else verdict,
         reason=reason,
         recalibrated=(*numbers, *found.findings.recalibrated),
+        changed=(*numbers, *found.findings.changed),
     )
     return replace(found, findings=findings, gap=_from_given(found, given.diagnosis), stand_in=known)
 
