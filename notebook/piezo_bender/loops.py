@@ -1,19 +1,19 @@
 """A closed loop in simulation: any gains, any reference, on a model or any FMU."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.control.closed_loop import simulate
 from bender_loop.control.metrics import SETTLING_BAND, has_settled, step_metrics
 from bender_loop.control.pid import Gains, Limits
-from bender_loop.control.references import Profile, Reference, Step, read_profile
+from bender_loop.control.references import Profile, Reference, Step, profile_from_columns, read_profile
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError
@@ -26,7 +26,16 @@ from bender_tuner.results.gains_file import read_controller, require_units
 from bender_tuner.task.session import open_guarded
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import AnyModel, file_or_model
-from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors, shows_settings
+from piezo_bender.shared import (
+    axes_or_new,
+    frame_of,
+    html_table,
+    is_table,
+    kind_of,
+    name_arguments_in_errors,
+    require_text,
+    shows_settings,
+)
 from piezo_bender.tunings import TuningResult
 
 if TYPE_CHECKING:
@@ -36,6 +45,7 @@ if TYPE_CHECKING:
 _FRAMES_OF_A_STEP, _FRAMES_AFTER = 150, 60
 """How long a step is seen, and a profile behind its last set-point."""
 _FINEST_S = 4e-3
+_STEP_UM = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +81,7 @@ class LoopSimulation:
         trace: the run.
         steps: of the reference, where it has a few.
         units: of command and reading, "V" and "um" unless the FMU declares others.
+        remark: why another controller runs than was asked for; empty where it is the same.
     """
 
     subject: str
@@ -78,6 +89,7 @@ class LoopSimulation:
     trace: Trace
     steps: tuple[StepSeen, ...]
     units: tuple[str, str] = (VOLT, MICROMETRE)
+    remark: str = ""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -174,7 +186,8 @@ class LoopSimulation:
         return drawn
 
     def __repr__(self) -> str:
-        return f"<LoopSimulation {self.controller} on {self.subject}: {self._in_own_units(self._rms)}>"
+        told = f"{self.controller} on {self.subject}: {self._in_own_units(self._rms)}"
+        return f"<LoopSimulation {told}{self.remark and '; '}{self.remark}>"
 
     @property
     def _rms(self) -> str:
@@ -186,7 +199,7 @@ class LoopSimulation:
 
     def _repr_html_(self) -> str:
         columns, rows = figures_table(self)
-        return html_table(f"{self.controller} on {self.subject}", columns, rows)
+        return html_table(f"{self.controller} on {self.subject}{self.remark and ': '}{self.remark}", columns, rows)
 
 
 def figures_table(found: LoopSimulation) -> tuple[list[str], list[list[str | float]]]:
@@ -209,12 +222,12 @@ LOOP_SETTINGS = "rate_Hz", "latency_frames", "exposure_s", "noise_um", "lower_V"
 @shows_settings(TuneSettings, LOOP_SETTINGS)
 @name_arguments_in_errors
 def simulate_loop(
-    gains: Path | str | Gains | TuningResult,
+    gains: Path | str | Gains | Mapping[str, float] | TuningResult,
     model: AnyModel | None = None,
     *,
     fmu: Path | str | None = None,
-    profile: Path | str | Reference | None = None,
-    setpoint_um: float = 10.0,
+    profile: "Path | str | Reference | Mapping[str, ArrayLike] | DataFrame | None" = None,
+    setpoint_um: float | None = None,
     duration_s: float | None = None,
     input_name: str | None = None,
     output_name: str | None = None,
@@ -227,18 +240,20 @@ def simulate_loop(
     """Run a closed loop in simulation.
 
     Args:
-        gains: a gains file, `Gains`, or the result of `tune`, which brings the settings that it was tuned with.
+        gains: a gains file, `Gains`, a dict with kp, ki and kd (V/µm, V/(µm s), V s/µm), or the result of `tune`,
+            which brings the settings that it was tuned with.
         model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
-        profile: a CSV with time_s and setpoint_um, or a reference of `bender_loop.control.references`; None for a step.
-        setpoint_um: of that step.
+        profile: a CSV file, DataFrame or mapping with time_s and setpoint_um, or a reference of
+            `bender_loop.control.references`; None for a step.
+        setpoint_um: of that step; 10 unless given.
         duration_s: of the run; None for 150 frames, or those of a profile and 60 more.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
         units: of both, where the FMU declares none, as in `tune`.
         parameters: of the FMU, by name, in its own units.
         follow_model: run the model-following controller where the gains file names a model.
-        preview: let it know the reference beforehand.
+        preview: let that controller know the reference beforehand.
         **settings: rate_Hz, latency_frames, exposure_s, noise_um, lower_V, upper_V, slew_V_per_s, seed, as in `tune`.
 
     Raises:
@@ -263,6 +278,7 @@ def simulate_loop(
     subject = Path(fmu).name if fmu is not None else str(getattr(given, "name", given))
     sampling = _fine(wanted.sampling)
     rng = np.random.default_rng(wanted.seed)
+    require_text("units", units, "W,K")
     kept = USUAL if units is None else of_input_and_output(units)
     with ExitStack() as ends:
         plant, facts = ends.enter_context(
@@ -299,11 +315,13 @@ def simulate_loop(
                 rng,
             )
             name = "model following"
+        elif preview:
+            raise InputError("preview: found with the PID block alone, expected with a controller that follows a model")
         else:
             slew = wanted.slew_V_per_s
             trace = simulate(plant, controller.gains, bounds, reference, sampling, length_s, rng, slew_V_per_s=slew)
             name = "PID block"
-    return LoopSimulation(subject, name, trace, _steps(trace), facts.units)
+    return LoopSimulation(subject, name, trace, _steps(trace), facts.units, controller.note if follow_model else "")
 
 
 class _Controller(NamedTuple):
@@ -312,27 +330,68 @@ class _Controller(NamedTuple):
     limits: Limits | None = None
     followed: FollowedModel | None = None
     model: Path | None = None
+    note: str = ""
 
 
-def _controller(gains: Path | str | Gains | TuningResult) -> _Controller:
+_GAINS = {"kp": "proportional_V_per_um", "ki": "integral_V_per_um_s", "kd": "derivative_V_s_per_um"}
+
+
+def _gains(given: Mapping[str, float]) -> Gains:
+    none = {"proportional_V_per_um": 0.0, "integral_V_per_um_s": 0.0}
+    try:
+        named: Any = {_GAINS.get(str(x).lower(), str(x)): y for x, y in given.items()}
+        return Gains(**(none | named))
+    except (TypeError, ValueError):
+        raise InputError(f"gains: found {dict(given)!r}, expected kp, ki and kd, each a number of 0 or more") from None
+
+
+def _note(found: TuningResult) -> str:
+    """Return that the PID block runs where a model was to be followed, and the way out; empty elsewhere."""
+    if found.session.recommendation is None or found.session.following is not None:
+        return ""
+    tuned = found.session.settings
+    known = tuned.gain_error_percent is not None and tuned.late_frames is not None
+    way = "" if known else "; where the device is known well: tune(..., gain_error_percent=5, late_frames=0)"
+    return f"the PID block runs, the tuning does not recommend to follow the model{way}"
+
+
+def _controller(gains: Path | str | Gains | Mapping[str, float] | TuningResult) -> _Controller:
     """Return what runs, with the settings that it was tuned for."""
+    if isinstance(gains, Mapping):
+        return _Controller(_gains(gains), {})
     if isinstance(gains, Gains):
         return _Controller(gains, {})
     if isinstance(gains, TuningResult):
         tuned, following = gains.session.settings, gains.session.following
         settings = {name: getattr(tuned, name) for name in LOOP_SETTINGS if name != "noise_um"}
         if following is None:
-            return _Controller(gains.gains, settings)
+            return _Controller(gains.gains, settings, note=_note(gains))
         return _Controller(gains.gains, settings, None, following.model, following.fmu)
+    if not isinstance(gains, str | Path):
+        raise InputError(
+            f"gains: found {kind_of(gains)}, expected a gains file, a dict with kp, ki and kd, Gains, or the "
+            "result of tune"
+        )
     found, limits, period_s, followed = read_controller(Path(gains))
     model = None if followed is None else Path(gains).parent / followed.fmu
     return _Controller(found, {"rate_Hz": 1.0 / period_s}, limits, followed, model)
 
 
-def _reference(profile: Path | str | Reference | None, setpoint_um: float) -> Reference:
+def _reference(profile: Any, setpoint_um: float | None) -> Reference:
     if profile is None:
-        return Step(setpoint_um)
-    return read_profile(Path(profile)) if isinstance(profile, str | Path) else profile
+        return Step(_STEP_UM if setpoint_um is None else setpoint_um)
+    if setpoint_um is not None:
+        raise InputError("setpoint_um: found beside profile, expected one of them: a profile has its own set-points")
+    if isinstance(profile, str | Path):
+        return read_profile(Path(profile))
+    if is_table(profile):
+        return profile_from_columns(profile, "profile")
+    if not all(callable(getattr(profile, name, None)) for name in ("sample", "value")):
+        raise InputError(
+            f"profile: found {kind_of(profile)}, expected a CSV file, a DataFrame or a mapping with time_s and "
+            "setpoint_um, or a reference"
+        )
+    return profile
 
 
 def _length_s(reference: Reference, rate_Hz: float) -> float:

@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from bender_loop.errors import InputError, RunError
@@ -83,6 +84,54 @@ def one_of(name: str, found: str, allowed: Sequence[str]) -> None:
         raise InputError(f"{name}: found {found!r}, expected one of {', '.join(allowed)}")
 
 
+def kind_of(found: object) -> str:
+    """Return what something is, for a sentence: `a list`, `an OvenModel`."""
+    name = type(found).__name__
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
+
+
+def require_text(name: str, found: object, example: str) -> None:
+    """Refuse what is no text, where it is given.
+
+    Raises:
+        InputError: naming the argument, what was found and what was expected.
+    """
+    if found is not None and not isinstance(found, str):
+        raise InputError(f"{name}: found {kind_of(found)}, expected text such as {example!r}")
+
+
+def require_number(name: str, found: object, what: str = "number") -> None:
+    """Refuse what is no number.
+
+    Raises:
+        InputError: naming the argument, what was found and what was expected.
+    """
+    if isinstance(found, bool) or not isinstance(found, Real):
+        raise InputError(f"{name}: found {found!r}, expected a {what}")
+
+
+def share_of(name: str, found: object) -> float:
+    """Return a share that is given as a number or in per cent.
+
+    Raises:
+        InputError: it is neither.
+    """
+    text, per = (found.strip(), 1.0) if isinstance(found, str) else ("", 1.0)
+    if text.endswith("%"):
+        text, per = text[:-1], 0.01
+    try:
+        if isinstance(found, bool) or not isinstance(found, str | Real):
+            raise ValueError
+        return per * float(text or found)
+    except ValueError:
+        raise InputError(f"{name}: found {found!r}, expected a share such as 0.005 or '0.5%'") from None
+
+
+def is_table(given: object) -> bool:
+    """Return whether something has named columns: a DataFrame or a mapping, no Series."""
+    return isinstance(given, Mapping) or hasattr(given, "columns")
+
+
 ARGUMENTS = {
     "further-input": "further", "highest-voltage": "highest_V", "input": "input_name", "output": "output_name",
     "set": "parameters", "setpoint": "setpoint_um", "suspect": "suspects", "voltage-limits": "lower_V and upper_V",
@@ -91,18 +140,29 @@ ARGUMENTS = {
 }  # fmt: skip
 """Arguments in Python that are not called as the option of the command line."""
 _OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")
+_CALLS = {
+    "calibrate-model": "calibrate(records, fmu, suspects)", "compare": "compare(record, model)",
+    "diagnose": "diagnose(records, model)", "effects": "effects()", "fmu build": "build_fmu(model)",
+    "hil": "run_bench(bench)", "identify": "identify(records)", "model fit": "fit_model(records)",
+    "simulate": "simulate_loop(gains, model)", "tune": "tune(model)", "watch": "watch(records, model, training=first)",
+}  # fmt: skip
+"""Functions that do what a command does."""
+_COMMAND = re.compile(rf"(?<![\w-])bender ({'|'.join(_CALLS)})(?![\w-]| [\w./-]*\.\w| --)")
 
 
 def options_as_arguments(sentence: str) -> str:
-    """Return a sentence of the command line with arguments in the place of options."""
-    return _OPTION.sub(lambda x: ARGUMENTS.get(x[1], x[1].replace("-", "_")), sentence)
+    """Return a sentence of the command line with functions in the place of commands, arguments in that of options."""
+    told = _COMMAND.sub(lambda x: _CALLS[x[1]], sentence)
+    return _OPTION.sub(lambda x: ARGUMENTS.get(x[1], x[1].replace("-", "_")), told)
 
 
 def name_arguments_in_errors(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function of the door name arguments where the command line names options."""
+    """Let a function of the door name arguments where the command line names options; no progress is as silent."""
 
     @functools.wraps(function)
     def called(*args: P.args, **settings: P.kwargs) -> R:
+        if settings.get("progress", silent) is None:
+            del settings["progress"]
         try:
             return function(*args, **settings)
         except (InputError, RunError) as error:

@@ -32,6 +32,7 @@ from piezo_bender.shared import (
     html_table,
     name_arguments_in_errors,
     options_as_arguments,
+    require_text,
     shows_settings,
     silent,
 )
@@ -181,7 +182,33 @@ def tune(
         units: of both, where the FMU declares none, as "V,um" or "W,K"; every V and um then stands for these.
         follow_model: tune a model-following controller too.
         progress: is told what is being done.
-        **settings: those of `TuneSettings`: method, objective, setpoint_um, rate_Hz, evaluations, seed, ...
+        method: "reliable_bas", another search of `bender_tuner.optimisers.methods`, or a rule: "zn", "simc".
+        objective: "practitioner" (bounds, then speed), "mse" (the paper's), "itae".
+        setpoint_um: µm, 10; height of the step.
+        rate_Hz: Hz, 30 (100 with "mse"); frames and commands per second.
+        latency_frames: frames, 1 (0 with "mse"); age of a frame when the controller gets it.
+        exposure_s: s, 0.015 at most (0 with "mse"); a frame shows the mean over this time.
+        noise_um: µm, 0; standard deviation of the readings in the runs of the search.
+        duration_s: s, 2, or 60 frames where that is longer; length of a run.
+        lower_V: V, 0; smallest command.
+        upper_V: V, 50; largest command.
+        slew_V_per_s: V/s, inf; fastest change of the command.
+        evaluations: runs, 151; budget of each search.
+        seed: 0; of searches, noise and plants drawn at random.
+        monte_carlo: plants, 0; drawn at random for each set of gains.
+        compare: none; further methods, each tuned with the same budget: "simc", or a list.
+        max_ms: 1.7; bound of Ms over gain and latency; with "practitioner", as the next three.
+        max_overshoot_percent: %, 2; bound of the overshoot.
+        settle_within_s: s, None for any; bound of the settling time (2 %).
+        max_noise_gain_V_per_um: V/µm, None for any; bound of the command's noise per noise of the reading.
+        gain_error_percent: %, None for 30, or what the diagnosis of a followed model says; the device's gain may be off
+            by so much either way.
+        late_frames: frames, None for 1, or as above; a frame may come later than planned by so many.
+        decades: 1.5; powers of ten below and above the first guess in which is searched.
+        weights: none; of the objective "practitioner", as {"overshoot": 2.0}: bounds, effort, final_error, overshoot,
+            worst_case.
+        gain_bounds: none; as [("kp", 0.01, 1.0)]: a gain is searched between these.
+        **settings: the keywords from `method` on, None for the default.
 
     Raises:
         InputError: both an FMU and a model are named, the FMU is not fit, or a setting is unknown or out of its range.
@@ -196,6 +223,7 @@ def tune(
     def report(title: str, done: int, total: int, remark: str = "") -> None:
         progress(f"{title}, {done} of {total}{f', {remark}' if remark else ''}")
 
+    require_text("units", units, "W,K")
     given = USUAL if units is None else of_input_and_output(units)
     told = diagnosed(fmu if model is None else model if isinstance(model, str | Path) else None)
     if fmu is None:

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gains", type=Path, required=True, metavar="FILE", help="gains.toml of `bender tune`")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--profile", type=Path, metavar="FILE", help="CSV with time_s and setpoint_um")
-    what.add_argument("--setpoint", type=float, default=10.0, metavar="UM", help="height of a step (default: 10)")
+    what.add_argument("--setpoint", type=float, metavar="UM", help="height of a step (default: 10)")
     parser.add_argument("--duration", type=float, metavar="S", help="default: 150 frames, or the profile and 60 frames")
     parser.add_argument(
         "--input", action=OneAtATime, metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)"

@@ -7,6 +7,7 @@ A corner at time T counts as reached at T even where k * period falls a rounding
 import math
 from abc import ABC, abstractmethod
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
-from bender_loop.tables.table import read_table
+from bender_loop.tables.table import ColumnTable, Table, read_table
 
 Array = NDArray[np.float64]
 _CORNER_S = 1e-9
@@ -132,15 +133,27 @@ def read_profile(path: Path) -> Profile:
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
     """
-    table = read_table(path)
-    columns = {name: table.numbers(name) for name in ("time_s", "setpoint_um")}
-    for name, values in columns.items():
+    return _profile(read_table(path), str(path))
+
+
+def profile_from_columns(given: Mapping[str, ArrayLike], name: str) -> Profile:
+    """Make a setpoint profile of the columns `time_s` and `setpoint_um`, as a DataFrame has them.
+
+    Raises:
+        InputError: naming the table, the row (from 0), the column, what was found and what was expected.
+    """
+    return _profile(ColumnTable(name, given), name)
+
+
+def _profile(table: Table | ColumnTable, name: str) -> Profile:
+    columns = {x: table.numbers(x) for x in ("time_s", "setpoint_um")}
+    for column, values in columns.items():
         for row in np.flatnonzero(~np.isfinite(values)):
-            raise table.fault(int(row), name, repr(float(values[row])), "a finite number")
+            raise table.fault(int(row), column, repr(float(values[row])), "a finite number")
     time = columns["time_s"]
     for row in np.flatnonzero(time[1:] <= time[:-1]) + 1:
         raise table.fault(int(row), "time_s", f"{float(time[row])!r}", f"more than {float(time[row - 1])!r} before it")
     try:
         return Profile(tuple(time.tolist()), tuple(columns["setpoint_um"].tolist()))
     except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"{name}: {error}") from error
