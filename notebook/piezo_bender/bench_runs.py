@@ -19,7 +19,7 @@ from bender_loop.shell.files import finite
 from bender_native.ready import ready_plant_fmu
 from bender_tuner.results.gains_file import read_bench_gains
 from piezo_bender.records import LoadedRecord, load_record
-from piezo_bender.shared import Progress, html_table, silent
+from piezo_bender.shared import Progress, html_table, kind_of, name_arguments_in_errors, silent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,6 +92,7 @@ class BenchRun:
         return html_table(f"run in {self.directory}", ("what", "found"), self.to_dict().items())
 
 
+@name_arguments_in_errors
 def run_bench(
     bench: Path | str | None = None,
     *,
@@ -122,6 +123,9 @@ def run_bench(
     """
     if setpoint_um is not None and profile is not None:
         raise InputError("profile and setpoint_um name two programmes; give one of them")
+    for name, given in {"profile": profile, "gains": gains}.items():
+        if not isinstance(given, str | Path | None):
+            raise InputError(f"{name}: found {kind_of(given)}, expected a file: save it and pass its path")
     wanted = emulated_bench() if bench is None else read_bench(Path(bench))
     words = Namespace(
         duration=duration_s,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.effects.catalogue import EFFECTS, Effect
 from bender_loop.errors import InputError
-from piezo_bender.shared import axes_or_new, frame_of, html_table
+from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,6 +129,7 @@ def entry(effect: Effect) -> dict[str, Any]:
     return {name: getattr(effect, name) for name in told} | {"block": effect.block.id, "parameters": parameters}
 
 
+@name_arguments_in_errors
 def effects(effect_id: str | None = None) -> Catalogue:
     """Return the catalogue of effects, or one of them.
 

@@ -14,7 +14,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.variables import variables_of
 from piezo_bender.models import AnyModel, PlantModel, load_model
 from piezo_bender.records import several
-from piezo_bender.shared import Progress, name_arguments_in_errors, one_of, silent
+from piezo_bender.shared import Progress, name_arguments_in_errors, one_of, require_number, share_of, silent
 
 if TYPE_CHECKING:
     from piezo_bender.records import Source
@@ -52,7 +52,7 @@ def diagnose(
     highest_V: float | None = None,
     start: Beginning = "auto",
     confidence: float = 0.99,
-    relevant: float = 0.005,
+    relevant: float | str = 0.005,
     further: Mapping[str, str] | None = None,
     reading: str | None = None,
     with_record_effects: bool = False,
@@ -78,7 +78,7 @@ def diagnose(
         highest_V: that the next experiment may ask for; None for no more than the records reached.
         start: how the records begin: from "rest", in "motion", or "auto", as the readings say.
         confidence: one minus the error rate of what is said.
-        relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
+        relevant: share of the stroke; 0.005 or "0.5%"; a residual that is smaller makes no verdict by itself.
         further: inputs of the FMU beside the command, and the columns that they follow.
         reading: the column of the output's readings, where it is not the displacement.
         with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
@@ -92,13 +92,25 @@ def diagnose(
     """
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
+    require_number("confidence", confidence)
+    if highest_V is not None:
+        require_number("highest_V", highest_V, "voltage")
+    only_of_an_fmu = {
+        "suspects": suspects,
+        "parameters": parameters,
+        "input_name": input_name,
+        "output_name": output_name,
+    }
+    for name, given in only_of_an_fmu.items():
+        if given and fmu is None:
+            raise InputError(f"{name}: found without fmu, expected with it")
     settings = Settings(
         untimed=untimed,
         highest_V=highest_V,
         start=start,
         confidence=confidence,
         with_record_effects=with_record_effects,
-        relevant=relevant,
+        relevant=share_of("relevant", relevant),
         same_zero=same_zero,
     ).between_rows(input_hold)
     if fmu is not None and model is not None:

@@ -1,7 +1,8 @@
 """Records: of a file, a DataFrame or arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -13,7 +14,7 @@ from bender_loop.records.record import Record, read_record, record_from_columns,
 from bender_loop.shell.files import prepare_directory
 from bender_report.palette import light
 from bender_report.wording import unit_text
-from piezo_bender.shared import axes_or_new, frame_of, name_arguments_in_errors
+from piezo_bender.shared import axes_or_new, frame_of, is_table, kind_of, name_arguments_in_errors, require_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +114,8 @@ def load_record(
 
     Args:
         source: a path, a DataFrame or a mapping with the columns time_s, voltage_V and displacement_um, or with usual
-            heads (`t`, `Spannung [V]`, `position (mm)`); None where the arrays are given by name.
+            heads (`t`, `Spannung [V]`, `position (mm)`); dates count from the first row; None where
+            the arrays are given by name.
         columns: other names of the columns, as "time=t,voltage=U,displacement=d" or a mapping.
         units: of the columns, as "ms,V,mm".
         name: what a record that comes from no file is called in messages and results.
@@ -125,7 +127,13 @@ def load_record(
     Raises:
         InputError: naming the file or record, the row, the column, what was found and what was expected.
     """
-    if (source is None) == (not arrays):
+    _check_words(columns, units)
+    if source is not None and arrays:
+        raise InputError(
+            f"{', '.join(arrays)}: no such argument of load_record beside a source, expected columns, units, name, "
+            "further, reading or variables"
+        )
+    if source is None and not arrays:
         raise InputError("load_record: expected a path, a table, or the arrays time_s, voltage_V and displacement_um")
     if isinstance(source, LoadedRecord | Record):
         loaded = source if isinstance(source, LoadedRecord) else LoadedRecord(source, name)
@@ -139,11 +147,12 @@ def load_record(
         record = read_record(Path(source), columns, units, reading=reading, further=further, variables=variables)
         return LoadedRecord(record, str(source))
     given: Any = arrays if source is None else source
-    if not hasattr(given, "keys"):
-        raise InputError(f"{name}: found a {type(given).__name__}, expected a path, a DataFrame or named columns")
+    if not is_table(given):
+        raise InputError(f"{name}: found {kind_of(given)}, expected a path, a DataFrame or named columns")
+    heads = given.keys() if isinstance(given, Mapping) else given.columns
     return LoadedRecord(
         record_from_columns(
-            {str(key): given[key] for key in given.keys()},  # noqa: SIM118
+            {str(key): _in_seconds(name, str(key), given[key], units) for key in heads},
             name,
             columns,
             units,
@@ -155,6 +164,32 @@ def load_record(
     )
 
 
+def _check_words(columns: object, units: object) -> None:
+    if not isinstance(columns, str | Mapping | None):
+        raise InputError(
+            f"columns: found {kind_of(columns)}, expected text such as 'time=t,voltage=U,displacement=d', or a dict"
+        )
+    require_text("units", units, "ms,V,mm")
+
+
+def _in_seconds(name: str, column: str, values: Any, units: str | None) -> Any:
+    """Return dates and times as seconds from the first row, spans of time as seconds, anything else as it is."""
+    found = np.asarray(values)
+    if found.ndim != 1 or not found.size:
+        return values
+    if found.dtype.kind == "O" and isinstance(found[0], datetime | timedelta):
+        first = found[0]
+        since = [x - first for x in found] if isinstance(first, datetime) else found
+        spans = np.array([x.total_seconds() for x in since])
+    elif found.dtype.kind in "Mm":
+        spans = (found - found[0] if found.dtype.kind == "M" else found) / np.timedelta64(1, "s")
+    else:
+        return values
+    if units is not None and "s" not in [x.rpartition("=")[2].strip() for x in units.split(",")]:
+        raise InputError(f"{name}, column {column}: found dates or spans of time and the units {units!r}, expected s")
+    return spans
+
+
 def several(
     records: Any,
     columns: str | Mapping[str, str] | None,
@@ -163,12 +198,12 @@ def several(
     reading: str | None = None,
     variables: "Mapping[str, Variable] | None" = None,
 ) -> list[LoadedRecord]:
-    """Return one record, or a list or tuple of them, as a list.
+    """Return one record, or a list, tuple or generator of them, as a list.
 
     Raises:
         InputError: one cannot be read, or there is none.
     """
-    given = list(records) if isinstance(records, list | tuple) else [records]
+    given = list(records) if isinstance(records, list | tuple | Iterator) else [records]
     if not given:
         raise InputError("no record was given, expected at least one")
     many = len(given) > 1

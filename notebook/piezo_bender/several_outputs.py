@@ -18,7 +18,7 @@ from bender_report.drawing import require_drawing
 from bender_report.wording import quantity
 from piezo_bender.diagnoses import Diagnosis, as_result
 from piezo_bender.records import several
-from piezo_bender.shared import Progress, html_table, name_arguments_in_errors, one_of, silent
+from piezo_bender.shared import Progress, html_table, name_arguments_in_errors, one_of, share_of, silent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,7 +136,7 @@ def diagnose_outputs(
     units: str | None = None,
     start: Beginning = "auto",
     confidence: float = 0.99,
-    relevant: float = 0.005,
+    relevant: float | str = 0.005,
     progress: Progress = silent,
 ) -> OutputsDiagnosis:
     """Diagnose several outputs of an FMU, each by itself and all together.
@@ -166,7 +166,9 @@ def diagnose_outputs(
     read = dict(outputs) if isinstance(outputs, Mapping) else {x: x for x in outputs}
     if len(read) < 2:
         raise InputError(f"outputs: found {len(read)}, expected at least two; `diagnose` takes one (output_name)")
-    settings = Settings(start=start, confidence=confidence, relevant=relevant).between_rows(input_hold)
+    settings = Settings(start=start, confidence=confidence, relevant=share_of("relevant", relevant)).between_rows(
+        input_hold
+    )
     loaded = {
         name: several(records, columns, units, further, column, variables_of(fmu, input_name, name))
         for name, column in read.items()

@@ -20,7 +20,7 @@ from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.models import AnyModel, file_or_model
-from piezo_bender.shared import axes_or_new, frame_of, name_arguments_in_errors, one_of
+from piezo_bender.shared import axes_or_new, frame_of, name_arguments_in_errors, one_of, require_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,6 +119,7 @@ def simulate(
     values = {name: np.asarray(x, dtype=np.float64) for name, x in (further or {}).items()}
     more = {f"further {name}": x for name, x in values.items()}
     asked = record_from_columns(columns | more, "simulate", further={name: f"further {name}" for name in values})
+    require_text("units", units, "W,K")
     given = USUAL if units is None else of_input_and_output(units)
     with _plant(model, fmu, (input_name, output_name), parameters, given) as (plant, subject):
         readings = drive_record(plant, asked, input_hold=cast(InputHold, input_hold))

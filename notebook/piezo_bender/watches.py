@@ -1,6 +1,6 @@
 """Watching: a model beside records of a device, and what has changed since it was that model."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,16 @@ from bender_watch.settings import Settings
 from bender_watch.watcher import Watcher
 from piezo_bender.models import AnyModel, load_model
 from piezo_bender.records import load_record, several
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, one_of, silent
+from piezo_bender.shared import (
+    Progress,
+    axes_or_new,
+    frame_of,
+    html_table,
+    name_arguments_in_errors,
+    one_of,
+    require_number,
+    silent,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,8 +93,9 @@ class Watched:
         return html_table(repr(self)[1:-1], ("alarm", "time (s)", "since (s)", "test"), rows)
 
 
+@name_arguments_in_errors
 def watch(
-    records: "Source | list[Any] | tuple[Any, ...]",
+    records: "Source | Iterable[Any]",
     model: AnyModel | None = None,
     *,
     training: "Source",
@@ -115,6 +125,8 @@ def watch(
         InputError: the model, a record or a setting will not do.
     """
     one_of("input_hold", input_hold, ("hold", "linear"))
+    require_number("rows_between_false_alarms", rows_between_false_alarms, "number of rows")
+    require_number("explain_rows", explain_rows, "number of rows")
     linear = input_hold == "linear"
     settings = Settings(rows_between_false_alarms, linear=linear, diagnose=diagnose, explain_rows=explain_rows)
     plant = load_model("paper" if model is None else model).model

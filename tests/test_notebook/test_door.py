@@ -80,7 +80,7 @@ def test_a_record_is_the_same_from_file_frame_and_arrays(lagging: Record, tmp_pa
         ({"time_s": [0.0, 1.0], "voltage_V": [0.0], "displacement_um": [0.0, 1.0]}, "expected one length"),
         ({"time_s": [1.0, 0.0], "voltage_V": [0.0, 1.0], "displacement_um": [0.0, 1.0]}, "row 1, column time_s"),
         ({"time_s": ["a", 0.0], "voltage_V": [0.0, 1.0], "displacement_um": [0.0, 1.0]}, "row 0, column time_s"),
-        (7, "found a int"),
+        (7, "found an int"),
     ],
 )
 def test_a_bad_record_is_refused(bad: object, said: str):
@@ -205,7 +205,7 @@ def test_readings_in_steps_have_one_verdict_everywhere(tmp_path: Path):
     # what the search alone would have said is not told anywhere
     assert found.findings.search.verdict.word in ("no_gap", "recalibrated")
     assert found.reason == told["reason"] != found.findings.search.verdict.reason
-    assert repr(found).startswith("<Diagnosis named: sensor_quantisation;")
+    assert repr(found).startswith("<Diagnosis named: sensor_quantisation (1.00);")
 
 
 @pytest.mark.slow
@@ -222,7 +222,15 @@ def test_a_diagnosis_pickles_whole(found: pb.Diagnosis, tmp_path: Path):
 def test_the_table_of_a_diagnosis_leaves_nothing_out(found: pb.Diagnosis):
     frame, told = found.to_frame(), found.to_dict()
     numbers = [(x["id"], name) for x in told["effects"] for name in x["parameters"]]
-    numbers += [("recalibrated", name) for name in told["recalibrated"]]
+    numbers += [("recalibrated", x.name) for x in found.findings.changed]
+    assert set(told["recalibrated"]) <= set(frame["parameter"])
+    rows = frame[frame["effect"] == "recalibrated"]
+    before, after = found.findings.search.base.values(), found.model.model.values()
+    changed = {x for x in ("gain", "offset") if after.get(f"calibration.{x}") != before.get(f"calibration.{x}")}
+    assert changed <= set(rows["parameter"])
+    low, value, high, std = (np.asarray(rows[x], dtype=float) for x in ("low_95", "value", "high_95", "std"))
+    assert np.array_equal(np.isnan(low), np.isnan(std))
+    assert np.all(np.isnan(std) | ((low < value) & (value < high)))
     assert list(zip(frame["effect"], frame["parameter"], strict=True)) == numbers
     (_, row), *_ = frame.iterrows()
     parameter = told["effects"][0]["parameters"][row["parameter"]]

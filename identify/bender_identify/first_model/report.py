@@ -152,8 +152,8 @@ def _rival_sentence(found: FirstModel, rival: Rival) -> str:
     return (
         f"a nonlinear effect is likelier than a further order: `{rival.effect}` beside {rival.structure.name} "
         f"simulates unseen blocks better, {found.rival_rms:.4g} against {best.held_out_rms:.4g} of "
-        f"{best.fit.structure.name}. {found.selected.fit.structure.name} is written, for `bender diagnose` to name "
-        "what is missing"
+        f"{best.fit.structure.name}. {found.selected.fit.structure.name} is written, for a diagnosis to name what "
+        "is missing"
     )
 
 
@@ -165,7 +165,7 @@ def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
     )  # fmt: skip
     return (
         f"a loop that does not depend on time (plays) simulates unseen blocks better, {found.loop_rms:.4g} "
-        f"against {best.held_out_rms:.4g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
+        f"against {best.held_out_rms:.4g} of {best.fit.structure.name}: {written}, for a diagnosis to name what "
         "makes the loop"
     )
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from numbers import Real
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 from bender_loop.control.pid import Limits
@@ -248,6 +248,8 @@ def make_settings(**given: Any) -> TuneSettings:
         InputError: a method or objective is unknown, or a number is out of its range.
     """
     known = {name: value for name, value in given.items() if value is not None}
+    if isinstance(known.get("compare"), str):
+        known["compare"] = (known["compare"],)
     _check_kinds(known)
     known.setdefault("objective", "mse" if known.get("method") == PAPER_METHOD else "practitioner")
     if "weights" in known:
@@ -278,3 +280,6 @@ def _check_kinds(given: Mapping[str, Any]) -> None:
         numeric = isinstance(settings[name].default, float) or name in (*_BOUNDS, "gain_error_percent")
         if numeric and (isinstance(value, bool) or not isinstance(value, Real)):
             raise InputError(f"{name}: found {value!r}, expected a number")
+        whole = isinstance(settings[name].default, int) or name == "late_frames"
+        if whole and not isinstance(value, Integral):
+            raise InputError(f"{name}: found {value!r}, expected a whole number")
