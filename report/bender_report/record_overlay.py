@@ -13,7 +13,7 @@ from bender_loop.records.compare import Comparison, Signal
 from bender_report.chart import MOST_POINTS, thinned
 from bender_report.palette import light
 from bender_report.picture_style import NARROW_IN, is_narrow, new_figure
-from bender_report.wording import axis_text, drawable, relabelled
+from bender_report.wording import axis_text, drawable, input_word, relabelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -164,7 +164,7 @@ def _draw_loop(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
         axes.plot(acting, overlay.simulated_um[rows], color=GIVEN, lw=1.2)
     axes.plot(acting, recalibrated_um[rows], color=RECALIBRATED, lw=1.1)
     axes.set_ylabel(axis_text("displacement (µm)"))
-    axes.set_title("over the acting voltage", loc="left", fontsize=10)
+    axes.set_title(f"over the acting {input_word()}", loc="left", fontsize=10)
 
 
 def _draw_residual(axes: "Axes", overlay: Overlay, residual_um: Signal, rms_um: float) -> None:
@@ -189,7 +189,7 @@ def _draw_residual_over_voltage(axes: "Axes", overlay: Overlay, residual_um: Sig
     axes.axhline(0.0, color="0.5", lw=0.8)
     axes.set_xlabel(axis_text("voltage (V)"))
     axes.set_ylabel(axis_text("residual (µm)"))
-    axes.set_title("the same over the voltage", loc="left", fontsize=10)
+    axes.set_title(f"the same over the {input_word()}", loc="left", fontsize=10)
     axes.legend(loc="lower right", fontsize=8, framealpha=0.9, markerscale=1.5)
     _limit_to_the_bulk(axes, residual_um)
 

@@ -4,6 +4,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from html.parser import HTMLParser
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -354,3 +355,9 @@ def test_no_relaxation_is_lost_in_the_decades(pairs: list[tuple[float, float]]) 
     found = creep_per_decade([x for x, _ in pairs], [x for _, x in pairs])
     assert sum(x for *_, x in found) == pytest.approx(sum(x for x, _ in pairs), abs=1e-12)
     assert all(np.isclose(high, 10.0 * low) for low, high, _ in found)
+
+
+def test_sentences_that_may_follow_each_other_are_apart() -> None:
+    template = (files("bender_discrepancy.report") / "page.html.j2").read_text(encoding="utf-8")
+    assert "not how large it is. {% endif %}" in template
+    assert not re.findall(r"[a-z]\.{% endif %}\n *{% if \w+ %}[A-Z]", template)

@@ -22,7 +22,7 @@ from bender_discrepancy.foreign.joint_explanations import (
     rank_explanations,
 )
 from bender_discrepancy.foreign.outputs import Together
-from bender_discrepancy.foreign.outputs_report import factors, joint_numbers, sentence, titles
+from bender_discrepancy.foreign.outputs_report import factors, joint_numbers, sentence, summary, titles
 from bender_discrepancy.search.result import Interrupted
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
@@ -30,8 +30,9 @@ from bender_loop.records.drive import drive_record
 from bender_loop.records.record import read_record
 from bender_loop.records.replay import replay
 from bender_loop.shell.run import say_held
-from bender_loop.tables.quantities import Quantities
+from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import load_model
+from bender_report.number import Number
 
 pytestmark = needs_compiler
 STEP_S, ROWS, LATE = 0.02, 1200, 3
@@ -285,13 +286,48 @@ def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> 
             is_complete=True,
             model=load_model("paper"),
             findings=still,
+            quantities=USUAL,
         ),
-        "b": SimpleNamespace(verdict="no_gap", added=(), is_complete=True, findings=still),
+        "b": SimpleNamespace(verdict="no_gap", added=(), is_complete=True, findings=still, quantities=USUAL),
     }
     told = Together(alone, found, {}, {})  # type: ignore[arg-type]
     assert told.inside == {"a": ("tip_mass",)}
     assert told.verdict == "named"
     assert sentence(told) == f"Missing from the model: {titles(('tip_mass',))} inside the FMU, as a shows."
+
+
+def test_the_terminal_has_the_numbers_of_what_was_found_and_what_is_left_in_words_of_the_device() -> None:
+    delay = Correction(("transport_delay",), MODEL.with_block("transport_delay", delay_s=14.0), 1)
+    lag = Correction(("second_mode",), MODEL.with_block("second_mode", share=0.3), 1)
+    outputs = [_output("plate", delay), _output("air", NOTHING, lag)]
+    left = {
+        (name, place, k): OutputResidual(500.0, 1.0) for name in ("plate", "air") for place in (0, 1) for k in (0, 1)
+    }
+    left |= {("plate", 1, 0): OutputResidual(-900.0, 1.0), ("air", 1, 0): OutputResidual(-900.0, 1.0)}
+    ranked = rank_explanations(outputs, left, {x: OutputResidual(400.0, 1.0) for x in ("plate", "air")}, 0.99)
+    assert ranked.best.effects == {"transport_delay"}
+    shared = SimpleNamespace(id="transport_delay", numbers=[Number("delay_s", 14.2, "s", std=0.3)])
+    oven = {
+        "verdict": "named", "model": MODEL, "effects": [shared], "findings": SimpleNamespace(recalibrated=()),
+        "quantities": Quantities("W", "K"),
+        "gap": SimpleNamespace(
+            recalibrated=SimpleNamespace(rms_um=2.0), after=SimpleNamespace(rms_um=1.0), floor_um=0.05
+        ),
+    }  # fmt: skip
+    alone = {
+        "plate": SimpleNamespace(**oven, added=(shared,), is_complete=True),
+        "air": SimpleNamespace(**oven, added=(), is_complete=False),
+    }
+    told = Together(alone, ranked, {}, {"plate": 0.07, "air": 0.34})  # type: ignore[arg-type]
+    lines = summary(told)
+    assert lines[0].startswith(f"named{'' if told.complete else ', not complete'}: ")
+    assert (
+        "transport delay: delay 14.2 ± 0.3 s, acts on the input, which all outputs share (by the readings of plate)"
+        in lines
+    )
+    assert "left with all outputs together: plate 0.07 K (noise 0.05 K), air 0.34 K (noise 0.05 K)" in lines
+    assert outputs_report._titles(told, ("second_mode",)) == "a second mode"
+    assert titles(("second_mode",)) == "a second bending mode"
 
 
 class _WithDelay(_WithCorrections):

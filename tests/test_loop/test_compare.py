@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 from scipy.signal import lfilter
@@ -22,6 +23,7 @@ from bender_loop.records.replay import RESTING_UM, replay
 from bender_loop.records.zero_move import without_zero_move, zero_move
 from bender_report.chart import MOST_POINTS, thinned
 from bender_report.record_overlay import SHOWN_REVERSALS, Overlay, draw_overlay, reversals, window
+from bender_report.wording import shown_in
 
 READINGS = hnp.arrays(np.float64, st.integers(5, 40), elements=st.floats(-50, 50, width=32))
 
@@ -119,6 +121,18 @@ def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset
     # many swings have a panel more: the worst of them
     assert image.shape == (height, 1320)
     assert 0.005 < (image < 200).mean() < 0.5
+
+
+@pytest.mark.parametrize(("units", "word"), [(("W", "K"), "input"), (("V", "um"), "voltage")])
+def test_titles_of_the_picture_call_the_command_what_it_is(
+    units: tuple[str, str], word: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    titles: list[str] = []
+    monkeypatch.setattr(Axes, "set_title", lambda _axes, text, **_how: titles.append(text))
+    overlay = _overlay(200)
+    with shown_in(*units):
+        draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
+    assert {f"over the acting {word}", f"the same over the {word}"} <= set(titles)
 
 
 def test_reversals_of_a_triangle_are_its_corners():

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bender_discrepancy.conclusion.sentences import heading_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_loop.fmu.file import co_simulation, read_description
 from bender_loop.fmu.ports import Port
@@ -243,4 +244,4 @@ def _recalibrated(given: Mapping[str, object], after: Mapping[str, object], rest
 
 
 def _title(block: str) -> str:
-    return (EFFECTS[block].title if block in EFFECTS else BLOCKS[block].title).lower()
+    return (heading_of(block) if block in EFFECTS else BLOCKS[block].title).lower()

@@ -10,6 +10,7 @@ from bender_discrepancy.conclusion.findings import SIGNIFICANT, RecalibratedNumb
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.foreign.joint_explanations import EACH_BY_ITSELF, JointExplanation
 from bender_discrepancy.foreign.outputs import Together
+from bender_loop.tables.quantities import USUAL
 from bender_plant.parameter import meanings
 from bender_report.number import Number
 from bender_report.wording import figure, listed, quantity, shown_in, unit_text
@@ -23,6 +24,7 @@ _UNIT = re.compile(r"_(?:um|V|s|Hz|V_s|um_per_V|V_per_s)(?=\[|$)")
 _ODD = re.compile(r"[^\w.-]")
 ALIKE = 0.005
 """Part of a factor by which two may differ in any case: what a stand-in for the FMU leaves."""
+ON_THE_INPUT, NOT_NEEDED = "the input, which all outputs share", "none: not needed with all outputs together"
 MOST_WAYS = 8
 """In the page; `outputs.json` has all of them."""
 
@@ -32,20 +34,27 @@ def titles(effects: "frozenset[str] | tuple[str, ...]") -> str:
     return listed([title_of(x) for x in sorted(effects)]) if effects else "nothing"
 
 
+def _titles(found: Together, effects: "frozenset[str] | tuple[str, ...]") -> str:
+    """Return the titles of effects in the words of the device: one output that no bender has makes it another one."""
+    rigs = [x.quantities[:2] for x in found.by_itself.values()]
+    with shown_in(*next((x for x in rigs if x != USUAL[:2]), USUAL[:2])):
+        return titles(effects)
+
+
 def sentence(found: Together) -> str:
     """Return the verdict on all outputs in a sentence."""
     rivals = found.ranked.rivals()
     if rivals:
-        ways = [titles(x.effects) for x in (found.best, *rivals)]
+        ways = [_titles(found, x.effects) for x in (found.best, *rivals)]
         return f"What acts on the input stays open, also with all outputs together: {listed(ways, 'or')}."
     if found.best.each:
-        parts = [f"{name}: {titles(own)}" for name, own in found.own.items()]
+        parts = [f"{name}: {_titles(found, own)}" for name, own in found.own.items()]
         return f"No correction of the input explains all outputs; each has its own: {'; '.join(parts)}."
     parts = []
     if found.best.effects:
-        parts.append(f"{titles(found.best.effects)} on the input, which all outputs share")
-    parts += [f"{titles(own)} on {name} alone" for name, own in found.own.items() if own]
-    parts += [f"{titles(inside)} inside the FMU, as {name} shows" for name, inside in found.inside.items()]
+        parts.append(f"{_titles(found, found.best.effects)} on the input, which all outputs share")
+    parts += [f"{_titles(found, own)} on {name} alone" for name, own in found.own.items() if own]
+    parts += [f"{_titles(found, inside)} inside the FMU, as {name} shows" for name, inside in found.inside.items()]
     moved = [f"{name} is {figure(x, 4)} in place of {figure(was, 4)}" for name, was, x, *_ in found.parameters]
     moved += factors(
         {n: x for n, alone in found.by_itself.items() for x in alone.findings.recalibrated if x.name == "gain"},
@@ -169,7 +178,8 @@ def _way(way: JointExplanation, best: JointExplanation) -> dict[str, Any]:
 
 def summary(found: Together) -> list[str]:
     """Return the lines for a terminal."""
-    lines = [f"{found.verdict}: {sentence(found)}"]
+    verdict = found.verdict if found.complete or found.verdict != "named" else f"{found.verdict}, not complete"
+    lines = [f"{verdict}: {sentence(found)}", *_found_lines(found)]
     for name, was, now, std, unit in found.parameters:
         of = "" if unit == "1" else f" {unit_text(unit)}"
         lines.append(f"{name} of the FMU, by all outputs: {figure(was, 4)} to {figure(now, 4)} ± {figure(std, 2)}{of}")
@@ -179,9 +189,28 @@ def summary(found: Together) -> list[str]:
         together = f", together {quantity(found.after[name], unit)}" if name in found.after else ""
         effects = listed([x.id for x in alone.added]) if alone.added else "no effect"
         lines.append(f"{name} by itself: {alone.verdict}, {effects}; held-out gap {left[0]} to {left[1]}{together}")
+    left = [
+        f"{name} {quantity(x, unit)} (noise {quantity(alone.gap.floor_um, unit)})"
+        for name, alone in found.by_itself.items()
+        if (x := found.after.get(name)) is not None and (unit := alone.quantities.reading)
+    ]
+    lines += [f"left with all outputs together: {', '.join(left)}"] if left else []
     if found.why_no_fmu:
         lines.append(f"no corrected FMU of all outputs: {found.why_no_fmu}")
     lines += [f"note: {x}" for x in found.notes]
+    return lines
+
+
+def _found_lines(found: Together) -> list[str]:
+    """Return each number of what the verdict has, with its deviation: of what all outputs share, those taken."""
+    lines = []
+    for name, alone in found.by_itself.items():
+        numbers = _number_rows(found, name, alone)
+        if found.best.source and name not in found.best.source:
+            numbers = [x for x in numbers if x[-1] != ON_THE_INPUT]
+        for effect, number, value, by, place in (*_joint_rows(found, name, alone), *numbers):
+            if place != NOT_NEEDED:
+                lines.append(f"{effect}: {number} {value}, acts on {place} (by the readings of {by})")
     return lines
 
 
@@ -194,14 +223,22 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         unit, gap = alone.quantities.reading, alone.gap
         figures = [gap.recalibrated.rms_um, gap.after.rms_um, found.after.get(name), gap.floor_um]
         told = ["–" if x is None else quantity(x, unit, 3) for x in figures]
-        rows.append([name, alone.verdict, titles(tuple(x.id for x in alone.added)), titles(found.own[name]), *told])
+        rows.append(
+            [
+                name,
+                alone.verdict,
+                _titles(found, tuple(x.id for x in alone.added)),
+                _titles(found, found.own[name]),
+                *told,
+            ]
+        )
     columns = ["output", "by itself", "found", "of it alone", "recalibrated", "by itself", "together", "noise"]
     numbers = [
         row
         for name, alone in found.by_itself.items()
         for row in (*_joint_rows(found, name, alone), *_number_rows(found, name, alone))
     ]
-    ways = [_way_row(x, found.best) for x in found.ranked.ways[:MOST_WAYS]]
+    ways = [_way_row(found, x) for x in found.ranked.ways[:MOST_WAYS]]
     stressed = next((k for k, x in enumerate(found.ranked.ways[:MOST_WAYS]) if x is found.best), 0)
     files = [Link(x, x) for x in found.files]
     return Page(
@@ -209,7 +246,7 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         lead=sentence(found),
         cards=[
             Card(found.verdict, "what all outputs say together"),
-            Card(titles(found.best.effects), "acts on the input that they share"),
+            Card(_titles(found, found.best.effects), "acts on the input that they share"),
         ],
         sections=[
             Section(
@@ -299,12 +336,12 @@ def _place(found: Together, name: str, effect: str) -> str:
     if effect in found.inside.get(name, ()):
         return "inside the FMU"
     if effect in found.best.effects:
-        return "the input, which all outputs share"
-    return f"{name} alone" if effect in found.own.get(name, ()) else "none: not needed with all outputs together"
+        return ON_THE_INPUT
+    return f"{name} alone" if effect in found.own.get(name, ()) else NOT_NEEDED
 
 
-def _way_row(way: JointExplanation, best: JointExplanation) -> list[str]:
-    behind = [f"{name}: {titles(x.effects)}" for name, x in way.behind.items() if x.effects]
-    first = EACH_BY_ITSELF if way.each else titles(way.effects)
+def _way_row(found: Together, way: JointExplanation) -> list[str]:
+    behind = [f"{name}: {_titles(found, x.effects)}" for name, x in way.behind.items() if x.effects]
+    first = EACH_BY_ITSELF if way.each else _titles(found, way.effects)
     return [first, listed(list(way.source)) if way.source else "–", "; ".join(behind) or "nothing",
-            f"{way.cost - best.cost:+.1f}"]  # fmt: skip
+            f"{way.cost - found.best.cost:+.1f}"]  # fmt: skip

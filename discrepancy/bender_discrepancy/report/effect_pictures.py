@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bender_discrepancy.conclusion.sentences import heading_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.overlay_pictures import is_smooth
 from bender_discrepancy.report.pictured_record import STRETCH_ROWS, Array, PicturedRecord
@@ -93,7 +94,7 @@ def _chart(component: Component, shown: PicturedRecord) -> Chart:
         axes.set_ylabel(axis_text("displacement (µm)"))
 
     name = f"component-{component.id}"
-    return chart(name, f"what {EFFECTS[component.id].title} adds in this record", draw, WIDE_PX, 300, 260)
+    return chart(name, f"what {heading_of(component.id)} adds in this record", draw, WIDE_PX, 300, 260)
 
 
 def _draw_branches(axes: "Axes", component: Component, shown: PicturedRecord, at: Array, most: int) -> None:

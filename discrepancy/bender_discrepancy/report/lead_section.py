@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bender_discrepancy.equation.lead import Drawn, Lead
+from bender_discrepancy.report.device_words import for_device
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk_limits, chart, dots, spread, thinned
 from bender_report.palette import light
-from bender_report.wording import axis_text, figure, percent
+from bender_report.wording import axis_text, figure, input_word, is_other_rig, percent, relabelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,12 +37,13 @@ def section(lead: Lead | None, pictured: PicturedRecord, record: int, *, in_mode
     x = lead.equation
     if x is None:
         return {"text": "", "reason": lead.reason}
-    used = [text for name, text in SYMBOLS.items() if name == "r" or any(name in t.name for t in x.terms)]
+    symbols = {name: relabelled(for_device(text, bender=not is_other_rig())) for name, text in SYMBOLS.items()}
+    used = [text for name, text in symbols.items() if name == "r" or any(name in t.name for t in x.terms)]
     return {
         "text": _unbroken(lead.text),
         "covers": percent(lead.explains),
         "in_model": in_model,
-        "symbols": f"{', '.join(used)}, t: time (s). A jump of the voltage counts as a very fast change.",
+        "symbols": f"{', '.join(used)}, t: time (s). A jump of the {input_word()} counts as a very fast change.",
         "title": "What is left, and what the equation gives",
         "chart": picture(lead.drawn[record], pictured),
         "rows": [
