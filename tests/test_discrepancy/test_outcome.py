@@ -19,13 +19,16 @@ from bender_discrepancy.conclusion.measurement.corrected_model import Gap, strai
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.measurement.playable import playable
 from bender_discrepancy.conclusion.notes import SetAside, set_aside, warnings
-from bender_discrepancy.conclusion.numbers import number
+from bender_discrepancy.conclusion.numbers import Span, number, numbers
 from bender_discrepancy.conclusion.sentences import evidence
 from bender_discrepancy.diagnosis import DIAGNOSIS, FILES, Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.experiment.design import Experiment
 from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.fitting.profile import Ends
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.observations import observe
@@ -108,6 +111,17 @@ def test_deviations_are_the_scatter_of_fits_to_other_noise(lagging: Findings):
     scatter = np.std(found, axis=0, ddof=1)
     expected = [np.sqrt(told_std.coordinates[0, 0]), told_std.gain / 0.93, told_std.offsets_um[0]]
     assert scatter == pytest.approx(expected, rel=0.45)
+
+
+def test_an_end_of_an_interval_beyond_what_a_block_takes_is_its_limit(lagging: Findings):
+    """A likelihood knows nothing of limits: a time constant of 7 ms is none of ageing."""
+    free = (Free("time_constant_s", 0.01, 10.0, log=True, starts=(0.24,)),)
+    form = Form("ageing", "fading", free, lambda x, values: x.with_block("ageing", loss=0.1, time_constant_s=values[0]))
+    fitted = replace(lagging.search.best, hypothesis=Hypothesis((Part(form, (0.24,)),)))
+    ends = (Ends(0.0075, 5.0, profiled=True),)
+    told_numbers = numbers(load_model("paper"), fitted, 0, np.eye(1), Span(50.0, 20.0), ends=ends)
+    found = next(x for x in told_numbers if x.name == "time_constant_s")
+    assert found.interval == pytest.approx((0.01, 5.0))
 
 
 def test_a_forms_own_numbers_become_those_of_the_block():

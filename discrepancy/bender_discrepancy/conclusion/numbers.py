@@ -22,6 +22,8 @@ from bender_report.number import Number
 
 # a value is called unusual when it is so by more than what chance may have added
 CHANCE = 2.0
+_HALVINGS = 30
+"""So often the way to an end is halved beyond which a block takes no number."""
 WITHIN = 1.96
 """Deviations to either end of an interval of 95 %."""
 
@@ -130,9 +132,29 @@ def _with_ends(base: Model, part: Part, told: Number, k: int, ends: Ends | None)
     """Return a number of the block with the interval of the one free number that moves it."""
     if ends is None:
         return told
-    there = ((*part.values[:k], x, *part.values[k + 1 :]) for x in (ends.low, ends.high))
-    low, high = sorted(block_numbers(part.form.apply(base, x), part.form.effect)[told.name] for x in there)
+    low, high = sorted(_at_end(base, part, told, k, x) for x in (ends.low, ends.high))
     return replace(told, interval=(low, high), profiled=ends.profiled)
+
+
+def _at_end(base: Model, part: Part, told: Number, k: int, end: float) -> float:
+    """Return a number of the block at an end of its interval, or next to it where the block takes no such number."""
+
+    def at(share: float) -> float:
+        values = (*part.values[:k], part.values[k] + share * (end - part.values[k]), *part.values[k + 1 :])
+        return block_numbers(part.form.apply(base, values), part.form.effect)[told.name]
+
+    taken, refused = 0.0, 1.0
+    try:
+        return at(1.0)
+    except ModelError:
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (taken + refused)
+            try:
+                at(middle)
+                taken = middle
+            except ModelError:
+                refused = middle
+    return at(taken)
 
 
 def number(effect: Effect, name: str, value: float, std: float, span: Span, is_scale: bool) -> Number:
