@@ -1,10 +1,13 @@
 """Diagnosis: which effect a model lacks."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from bender_discrepancy.conclusion.diagnosis_json import MODEL
 from bender_discrepancy.diagnosis import Diagnosis as DiagnosisOfRecords
 from bender_discrepancy.foreign.diagnose import diagnose_fmu as diagnose_records_of_fmu
 from bender_discrepancy.settings import Beginning, Settings
@@ -33,6 +36,18 @@ class Diagnosis(DiagnosisOfRecords):
 def as_result(found: DiagnosisOfRecords) -> Diagnosis:
     """Return a diagnosis as the result of a notebook."""
     return Diagnosis(**{x.name: getattr(found, x.name) for x in fields(found)})
+
+
+@contextmanager
+def as_saved(model: AnyModel | None) -> Iterator[AnyModel | None]:
+    """Give the file of a diagnosis' model, with what its records leave open beside it; any other model as it is."""
+    if not isinstance(model, Diagnosis) or model.stand_in is not None:
+        yield model
+        return
+    with TemporaryDirectory() as folder:
+        model.write(Path(folder), report=False)
+        file = Path(folder) / MODEL
+        yield file if file.exists() else model
 
 
 @name_arguments_in_errors

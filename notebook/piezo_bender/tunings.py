@@ -24,6 +24,7 @@ from bender_tuner.task.session import (
     write_results,
 )
 from bender_tuner.task.settings import TuneSettings, make_settings
+from piezo_bender.diagnoses import as_saved
 from piezo_bender.models import AnyModel, file_or_model
 from piezo_bender.shared import (
     Progress,
@@ -175,7 +176,8 @@ def tune(
     """Tune the PID block.
 
     Args:
-        model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
+        model: a built-in name, a model file, from `load_model`, or a result: a diagnosis also brings what its records
+            leave open, as its saved model file does; paper where neither it nor an FMU is named.
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
@@ -218,6 +220,20 @@ def tune(
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
     wanted = make_settings(**settings)
+    with as_saved(model) as kept:
+        return _tuned(kept, fmu, input_name, output_name, units, wanted, follow_model, progress)
+
+
+def _tuned(
+    model: AnyModel | None,
+    fmu: Path | str | None,
+    input_name: str | None,
+    output_name: str | None,
+    units: str | None,
+    wanted: TuneSettings,
+    follow_model: bool,
+    progress: Progress,
+) -> TuningResult:
     path = _plant_fmu("paper" if model is None else model) if fmu is None else Path(fmu)
 
     def report(title: str, done: int, total: int, remark: str = "") -> None:
