@@ -6,6 +6,7 @@
 | `arguments` | the options of every command that reads records: names, units and layout of the columns |
 | `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
 | `compare` | how well a simulation agrees with a measurement |
+| `distinct` | records that are given together are different ones |
 | `drive` | a plant driven open loop with the voltage of a record |
 | `end_of_range` | readings that stand at the end of a sensor's range |
 | `further` | further inputs of a plant: what was measured beside the command and acts on the plant as well |
