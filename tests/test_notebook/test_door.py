@@ -473,14 +473,6 @@ def test_a_slow_loop_runs_as_long_as_it_is_asked_to():
     assert found.time_s[-1] == pytest.approx(60.0, abs=5.0)
 
 
-def test_the_settings_of_a_loop_can_be_completed():
-    names = inspect.signature(pb.simulate_loop).parameters
-    assert {"rate_Hz", "latency_frames", "upper_V"} <= set(names)
-    assert "method" not in names
-    with pytest.raises(pb.InputError, match="rate: no such setting of a loop, expected one of rate_Hz"):
-        pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", rate=5.0)
-
-
 def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
     found = pb.fit_model(record_of("beam", LAG, levels(12.0)), template="gain+lag", name="mine")
     numbers = {x["name"]: x["value"] for x in found.to_dict()["numbers"]}

@@ -147,3 +147,11 @@ def test_each_setting_of_a_tuning_is_told_with_its_default():
         assert x.name in signature
         if isinstance(x.default, float | int) and x.default:
             assert f"{x.default:g}" in entries[x.name], x.name
+
+
+def test_the_settings_of_a_loop_can_be_completed():
+    names = inspect.signature(pb.simulate_loop).parameters
+    assert {"rate_Hz", "latency_frames", "upper_V"} <= set(names)
+    assert "method" not in names
+    with pytest.raises(pb.InputError, match="rate: no such setting of a loop, expected one of rate_Hz"):
+        pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", rate=5.0)
