@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, in_own_units, is_written, outcome
-from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
+from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.conclusion.smallest_visible import Smallest
@@ -183,7 +183,8 @@ class Diagnosis:
                 "std": x.std if x.interval_95 else None,
                 "interval_95": x.interval_95,
             }
-            rows.append(about | _cells(told | {"unit": unit if x.name == "offset" else x.unit}))
+            is_length = x.name in OF_THE_READING and x.unit == "um"
+            rows.append(about | _cells(told | {"unit": unit if is_length else x.unit}))
         numbers = ["value", "before", "std", "low_95", "high_95", "share_of_gap", "probability"]
         columns = pd.Index([*_WHAT, *numbers[:5], "unit", "share_of_gap", "grade", "probability"])
         return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, float)).fillna({"grade": ""})
