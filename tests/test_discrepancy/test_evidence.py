@@ -27,7 +27,8 @@ from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import conclude, diagnose
 from bender_loop.errors import InputError
-from bender_plant.model import load_model
+from bender_loop.records.record import Record
+from bender_plant.model import load_model, model_from_table
 
 PAPER = load_model("paper")
 
@@ -231,6 +232,21 @@ def test_a_certain_effect_that_nobody_would_miss_stays_only_where_it_explains_th
         }
         kept.append(relevant_part(found, Rules(relevant=0.02)).best.hypothesis.effects)
     assert kept == [("source_resistance", "periodic_disturbance"), ("source_resistance",)]
+
+
+def test_what_one_block_alone_shows_of_a_part_that_nobody_would_miss_is_left_out() -> None:
+    """The device is a broken line, of which the record leaves the lowest piece after three rows."""
+    k = np.arange(297.0)
+    volts = np.concatenate([[0.24, 0.37, 0.72], 1.5 + 0.4 * np.sin(0.3 * k) + 0.3 * np.sin(0.117 * k)])
+    readings_um = np.concatenate([[0.0], 0.0869 * volts[:-1] - np.where(volts[:-1] > 0.75, 0.002, 0.0029 * volts[:-1])])
+    blocks = [
+        {"id": "linear_transduction", "sensitivity_um_per_V": 0.0869},
+        {"id": "calibration", "gain": 1.0, "offset_um": -0.002},
+    ]
+    model = model_from_table({"format": 1, "name": "gain", "block": blocks})
+    found = diagnose(model, [Record(0.19 * np.arange(300.0), volts, readings_um)])
+    assert (found.verdict, found.effects) == ("no_gap", ())
+    assert found.sentence.endswith("what is left is below 0.5 % of the stroke (--relevant).")
 
 
 def test_two_effects_of_which_each_is_missed_both_stay() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.sentences import residual, title_of
+from bender_discrepancy.conclusion.sentences import residual, share_of_stroke, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
@@ -276,8 +276,7 @@ def _immaterial(search: SearchResult) -> list[str]:
     if not search.immaterial:
         return []
     names = " and ".join(title_of(x) for x in search.immaterial)
-    share = f"{100.0 * search.settings.relevant:g} %"
-    return [f"left out: {names}; it changes the readings by less than {share} of the stroke (--relevant)"]
+    return [f"left out: {names}; it changes the readings by less than {share_of_stroke(search.settings)}"]
 
 
 def _untried(search: SearchResult) -> list[str]:

@@ -13,6 +13,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.search.judgement.grades import Reach, Rival
 from bender_discrepancy.search.judgement.rules import RULES
+from bender_discrepancy.settings import Settings
 from bender_report.wording import chance, figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
 _DIRECTIONS = {
@@ -66,7 +67,14 @@ def headline(findings: Findings, measured: Measured) -> str:
         own = any(x.name not in ("gain", "offset") for x in findings.recalibrated)
         off = "numbers of the model were off" if own else "only the reading was off"
         return f"Nothing is missing, {'but ' if own else ''}{off}: {listed(changes)}."
+    if not findings.complete:
+        return f"Simulation and measurement agree: what is left is below {share_of_stroke(findings.search.settings)}."
     return "Simulation and measurement agree: they differ by noise only."
+
+
+def share_of_stroke(settings: Settings) -> str:
+    """Return the part of the stroke that is material to nobody, and the option that sets it."""
+    return f"{100.0 * settings.relevant:g} % of the stroke (--relevant)"
 
 
 def _likely(findings: Findings) -> str:

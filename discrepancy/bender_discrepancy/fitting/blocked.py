@@ -10,6 +10,7 @@ number that the other blocks do not determine within its own size.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +26,58 @@ from bender_discrepancy.records.roles import folds_of
 ERRORS = 1.0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Blocks:
+    """The searched rows of all records beneath one another.
+
+    Attributes:
+        slopes: (n, k) of the readings by every number.
+        left: (n,) measured minus simulated.
+        block: (n,) which block every row is in.
+        prior: (k,) deviation within which a number stays that nothing determines; inf for no limit.
+    """
+
+    slopes: Array
+    left: Array
+    block: NDArray[np.int64]
+    prior: Array
+
+
 def predicted_residuals(problem: FitProblem, fitted: Fitted) -> list[Array] | None:
     """Return (n,) of every record, what a hypothesis leaves of each block when fitted to all others; 0 elsewhere.
 
     None where it cannot be simulated.
     """
+    x = _blocks(problem, fitted)
+    if x is None:
+        return None
+    predicted = predicted_errors(x.slopes, x.left, x.block, x.prior)
+    found, begin = [], 0
+    for m in (y.searched for y in problem.observations):
+        errors = np.zeros(m.size)
+        errors[m] = predicted[begin : begin + int(m.sum())]
+        found.append(errors)
+        begin += int(m.sum())
+    return found
+
+
+def least_beside_a_block(problem: FitProblem, fitted: Fitted) -> float:
+    """Return the mean square that a hypothesis leaves of all blocks but one, fitted to these: of the best such choice.
+
+    What only one block shows is not in it. inf where the hypothesis cannot be simulated.
+    """
+    x = _blocks(problem, fitted)
+    if x is None:
+        return math.inf
+    squares = []
+    for k in np.unique(x.block):
+        slopes, left = x.slopes[x.block != k], x.left[x.block != k]
+        a = slopes.T @ slopes + np.diag(float(np.mean(left**2)) / x.prior**2)
+        squares.append(float(np.mean((left - slopes @ _solved(a, slopes.T @ left)) ** 2)) if left.size else math.inf)
+    return min(squares, default=math.inf)
+
+
+def _blocks(problem: FitProblem, fitted: Fitted) -> _Blocks | None:
     readings = problem.readings(fitted.hypothesis)
     if readings is None:
         return None
@@ -45,14 +93,7 @@ def predicted_residuals(problem: FitProblem, fitted: Fitted) -> list[Array] | No
     for x in problem.observations:
         block.append(first + folds_of(x.usable)[x.searched])
         first = int(block[-1].max(initial=first)) + 1
-    predicted = predicted_errors(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1]))
-    found, begin = [], 0
-    for m in rows:
-        errors = np.zeros(m.size)
-        errors[m] = predicted[begin : begin + int(m.sum())]
-        found.append(errors)
-        begin += int(m.sum())
-    return found
+    return _Blocks(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1]))
 
 
 def predicted_errors(slopes: Array, left: Array, block: NDArray[np.int64], prior: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.blocked import least_beside_a_block
 from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
 from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.fitting.uncertainty import uncertainty
@@ -28,6 +29,7 @@ from bender_discrepancy.search.judgement.rules import (
     ended_without_answer,
     is_special_case,
 )
+from bender_discrepancy.search.noise import floor_square_um2
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -144,18 +146,29 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
 
     Nobody does where the others leave less than the relevant part of the stroke without it. An effect of that size
     stays where it closes what they leave as far as a gap has to be closed, or to noise alone: of structure like that of
-    a busy machine between command and reading, any form may take up a part.
+    a busy machine between command and reading, any form may take up a part. It does not where one block alone shows it.
     """
-    if len(searched.best.hypothesis.parts) < 2:
+    if not searched.best.hypothesis.parts:
         return searched
     archive, grades = searched.archive, grade(searched, rules)
     for x in sorted(grades.effects, key=lambda x: x.probability):
         is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
-        is_rest = rules.closed_share(archive, x.without, searched.best) >= rules.closes
+        if not is_left or rules.is_relevant(archive, x.without):
+            continue
+        is_rest = len(grades.effects) == 1 or rules.closed_share(archive, x.without, searched.best) >= rules.closes
         is_rest = is_rest or _takes_all_structure(archive, rules, x.without, searched.best)
-        if not is_rest and is_left and not rules.is_relevant(archive, x.without):
+        if not is_rest or _is_shown_once(archive, x.without):
             return relevant_part(replace(searched, best=x.without), rules)
     return searched
+
+
+def _is_shown_once(archive: Archive, without: Fitted) -> bool:
+    """Return whether a hypothesis without an effect leaves noise of all blocks but one.
+
+    A form that is not nature's can stand in for whatever happened there.
+    """
+    square = least_beside_a_block(archive.problem, without)
+    return square <= floor_square_um2(archive.problem, archive.noise_um)
 
 
 def _takes_all_structure(archive: Archive, rules: Rules, without: Fitted, fitted: Fitted) -> bool:
