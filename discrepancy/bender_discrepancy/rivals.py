@@ -10,9 +10,6 @@ from bender_export.build import plant_fmu
 from bender_plant.model import Model
 from bender_report.wording import listed
 
-LEAST_PROBABILITY = 0.01
-"""A rival that is less likely is none to be designed for."""
-
 
 def _files(number: int) -> tuple[str, str]:
     return f"rival-{number}.toml", f"rival-{number}.fmu"
@@ -30,11 +27,13 @@ class RivalModel:
         number: from 1 on, the nearest first.
         effects: that it has, by their ids.
         model: with these effects, refitted, in the place of the corrected model's.
+        probability: of the effect in which it differs.
     """
 
     number: int
     effects: tuple[str, ...]
     model: Model
+    probability: float
 
     @property
     def files(self) -> tuple[str, str]:
@@ -44,7 +43,7 @@ class RivalModel:
     def to_dict(self) -> dict[str, object]:
         """Return it as `diagnosis.json` has it."""
         model, fmu = self.files
-        return {"effects": list(self.effects), "model": model, "fmu": fmu}
+        return {"effects": list(self.effects), "probability": round(self.probability, 6), "model": model, "fmu": fmu}
 
     def fmu(self) -> bytes:
         """Return the content of its FMU."""
@@ -54,20 +53,19 @@ class RivalModel:
 def rival_models(findings: Findings) -> tuple[RivalModel, ...]:
     """Return what the device may be instead of the corrected model; none where the verdict is not open.
 
-    Those are the effects that are reported as rivals, each with its own fit of the records, but for the ones that are
-    all but excluded. What belongs to a record is left out of them as it is of the corrected model; two that are then
-    the same count once.
+    Those are the effects that are reported as rivals, each with its own fit of the records. What belongs to a record is
+    left out of them as it is of the corrected model; two that are then the same count once.
     """
     known, found = [_device(findings, findings.search.best).blocks], []
     for x in findings.effects:
         contender = x.contender
-        if contender is None or contender.rival_of is None or contender.probability < LEAST_PROBABILITY:
+        if contender is None or contender.rival_of is None:
             continue
         model = _device(findings, contender.fitted)
         if model.blocks not in known:
             known.append(model.blocks)
             effects = _carried(findings, contender.fitted).hypothesis.effects
-            found.append(RivalModel(len(found) + 1, effects, model))
+            found.append(RivalModel(len(found) + 1, effects, model, contender.probability))
     return tuple(found)
 
 

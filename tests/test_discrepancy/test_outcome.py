@@ -434,6 +434,15 @@ def test_a_rival_has_its_own_effect_refitted_and_not_that_of_the_leader(ambiguou
     assert SIDES[0] in {x.id for x in ambiguous.model.blocks}
 
 
+def test_a_rival_of_an_open_verdict_has_a_model_however_unlikely_it_is(ambiguous: Findings):
+    reported = tuple(
+        replace(x, contender=replace(x.contender, probability=1e-4)) if x.contender and x.contender.rival_of else x
+        for x in ambiguous.effects
+    )
+    (rival,) = rival_models(replace(ambiguous, effects=reported))
+    assert (rival.effects, rival.to_dict()["probability"]) == ((SIDES[1],), 1e-4)
+
+
 def test_a_verdict_that_is_not_open_leaves_none(ambiguous: Findings):
     search = ambiguous.search
     named = replace(search, verdict=replace(search.verdict, word="named"))
@@ -448,7 +457,11 @@ def test_the_files_are_those_that_the_diagnosis_names_and_a_tuning_finds_them(am
     out.mkdir()
     diagnosis.write(out, report=False)
     told_rivals = json.loads((out / DIAGNOSIS).read_text())["rival_models"]
-    assert told_rivals == [{"effects": [SIDES[1]], "model": "rival-1.toml", "fmu": "rival-1.fmu"}]
+    (told_rival,) = told_rivals
+    named = {"effects": [SIDES[1]], "model": "rival-1.toml", "fmu": "rival-1.fmu"}
+    assert told_rival == named | {"probability": told_rival["probability"]}
+    printed = " ".join(" ".join(diagnosis.summary(out)).split())
+    assert f"rival-1.toml has {SIDES[1]}" in printed
     assert {x.name for x in out.iterdir()} <= set(FILES)
     (found,) = diagnosed(out / "model.toml").rivals
     assert load_model(found.model) == rival_models(ambiguous)[0].model

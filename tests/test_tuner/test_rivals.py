@@ -171,6 +171,18 @@ def test_rivals_of_a_diagnosis_are_opened_under_the_names_of_their_effects(tmp_p
     assert rival_um < 0.1 * nominal_um
 
 
+def test_a_rival_that_is_all_but_excluded_is_named_and_not_designed_for(tmp_path: Path):
+    rivals: list[dict[str, object]] = [
+        {"effects": [x], "probability": p, "model": f"rival-{k}.toml", "fmu": f"rival-{k}.fmu"}
+        for k, (x, p) in enumerate([("creep", 0.2), ("backlash", 4e-4)], start=1)
+    ]
+    found = diagnosed(_told(tmp_path, rivals))
+    assert ([x.name for x in found.rivals], found.unlikely) == (["creep"], ("backlash",))
+    with open_guarded(ready_plant_fmu("bench"), found=found) as (plant, facts):
+        notes = pose_problem_in_units(plant, SETTINGS, facts).notes
+    assert any("backlash" in x and "0.01" in x for x in notes)
+
+
 def test_a_rival_whose_fmu_is_gone_is_refused_by_its_path(tmp_path: Path):
     gone = {"effects": [], "model": "rival-1.toml", "fmu": "rival-1.fmu"}
     found = diagnosed(_told(tmp_path, [gone]))

@@ -13,7 +13,7 @@ from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
-from bender_report.wording import chance, fields, figure, percent, quantity, uncertain
+from bender_report.wording import chance, fields, figure, listed, percent, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4
@@ -44,6 +44,7 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     if len(result["warnings"]) > MOST_WARNINGS:
         yield from _line("note", f"and {len(result['warnings']) - MOST_WARNINGS} more in report.html")
     yield from _further(result)
+    yield from _rivals(result)
     files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"]) if x)
     yield from _line("written", f"{out / 'report.html'}, {files}")
 
@@ -67,6 +68,13 @@ def _further(result: dict[str, Any]) -> Iterator[str]:
         yield from _line("next", result["next_experiment"]["why"])
     for x in result["columns_that_would_tell"]:
         yield from _line("record", x["why"])
+
+
+def _rivals(result: dict[str, Any]) -> Iterator[str]:
+    """Yield the models of what the device may be instead, by their files."""
+    told = [f"{x['model']} has {listed(x['effects']) or 'no effect'}" for x in result.get("rival_models", ())]
+    if told:
+        yield from _line("rivals", f"{'; '.join(told)}; the FMU of each lies beside it")
 
 
 def _heading(entry: dict[str, Any], verdict: str) -> str:

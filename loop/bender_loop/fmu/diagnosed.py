@@ -16,6 +16,8 @@ _SPREAD = math.sqrt(12.0)
 _DEVIATIONS = 2.0
 LEAST_GAIN_ERROR_PERCENT = 5.0
 """What the gain of a device changes by from one day to the next, whatever a record says."""
+LEAST_PROBABILITY = 0.01
+"""A rival that is less likely is none to be designed for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,8 @@ class Diagnosed:
     Attributes:
         rms_um: residual of the model on held-out rows; 0 where it was not measured.
         units: of command and reading, in which that and the model's V and um are.
-        rivals: what the records leave open beside the model.
+        rivals: what the records leave open beside the model, and what a controller is to be designed for.
+        unlikely: the names of those for which none is.
         known: how well the device is known by its records; None where they do not bound gain and dead time both, or
             the model is no longer as it was written.
         vouched_for: the model is as the diagnosis left it.
@@ -63,6 +66,7 @@ class Diagnosed:
     rivals: tuple[RivalModel, ...] = ()
     known: Known | None = None
     vouched_for: bool = False
+    unlikely: tuple[str, ...] = ()
 
     def with_fmus_of(self, fmu_of: Callable[[Path], Path]) -> "Diagnosed":
         """Return the same with FMUs that `fmu_of` makes of the files of the rivals."""
@@ -82,10 +86,12 @@ def diagnosed(model: Path | str | None) -> Diagnosed:
         if Path(model).name not in (told["model"], told["fmu"]):
             return NOTHING
         units = str(told["input_unit"]), str(told["unit"])
-        rivals = tuple(_rival(folder, x) for x in told.get("rival_models", ()))
+        open_ = [(_rival(folder, x), float(x.get("probability", 1.0))) for x in told.get("rival_models", ())]
+        rivals = tuple(x for x, likely in open_ if likely >= LEAST_PROBABILITY)
+        unlikely = tuple(x.name for x, likely in open_ if likely < LEAST_PROBABILITY)
         vouched_for = _is_as_written(Path(model), told)
         known = _known(told) if vouched_for else None
-        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, known, vouched_for)
+        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, known, vouched_for, unlikely)
     except (OSError, ValueError, LookupError, TypeError):
         return NOTHING
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Self
 
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.diagnosed import NOTHING, Diagnosed, RivalModel
+from bender_loop.fmu.diagnosed import LEAST_PROBABILITY, NOTHING, Diagnosed, RivalModel
 from bender_loop.fmu.file import beyond_learned, learned_range, read_description
 from bender_loop.fmu.followed_model import describe_model
 from bender_loop.fmu.plant import FmuPlant
@@ -19,7 +19,7 @@ from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomi
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_report.drawing import can_draw, no_pictures
-from bender_report.wording import relabelled, shown_in
+from bender_report.wording import listed, relabelled, shown_in
 from bender_tuner.model.ensemble import Rival
 from bender_tuner.results.gains_file import write_gains
 from bender_tuner.results.summary import (
@@ -162,11 +162,20 @@ def pose_problem_in_units(
     try:
         problem = pose_problem(plant, settings, report, rivals)
         said = beyond_learned((problem.operating_point.voltage_V,), learned_range(Path(facts.path)), "V")
-        return replace(problem, notes=(*problem.notes, said)) if said else problem
+        told = (said, _without_unlikely(facts.unlikely_rivals))
+        return replace(problem, notes=(*problem.notes, *(x for x in told if x)))
     except InputError as error:
         told = f"{error}; {taken_units(facts)}" if facts.taken_units else str(error)
         with shown_in(*facts.units):
             raise InputError(relabelled(told)) from None
+
+
+def _without_unlikely(rivals: Sequence[str]) -> str:
+    """Return for which rivals of the model nothing has to hold, in a sentence; empty where there are none."""
+    if not rivals:
+        return ""
+    named = f"{listed(rivals, 'or')}, of which the diagnosis left {'a model' if len(rivals) == 1 else 'models'}"
+    return f"no bound has to be kept with {named}: a probability below {LEAST_PROBABILITY:g}"
 
 
 def run_session(
@@ -267,7 +276,7 @@ def open_guarded(
         told = replace(facts, start_values=values, units=units)
         yield (
             GuardedPlant(fmu, interrupts),
-            replace(told, model_rms_um=found.rms_um, known=found.known),
+            replace(told, model_rms_um=found.rms_um, known=found.known, unlikely_rivals=found.unlikely),
         )
 
 
