@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,17 +14,21 @@ from few import few
 from bender_loop.control.pid import Gains
 from bender_loop.control.plant import Plant
 from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.followed_model import FollowedModel
 from bender_tuner.pictures.convergence import best_rows, draw_convergence
+from bender_tuner.pictures.loop import loop_figure
 from bender_tuner.pictures.robustness import draw_monte_carlo, settled_share, settling_times_s
 from bender_tuner.pictures.steps import draw_steps, steps_figure
 from bender_tuner.results.summary import finding_lines, table_rows
 from bender_tuner.task.contenders import Contender, judged, line_up
+from bender_tuner.task.following import Following
 from bender_tuner.task.judgement import judge, monte_carlo, variation_of
 from bender_tuner.task.problem import TuningProblem, pose_problem
 from bender_tuner.task.settings import TuneSettings, make_settings
 from bender_tuner.task.tuning import Ended, Evaluation, SearchResult, run_search, simc_gains, ziegler_nichols_rule
 
 PNG = b"\x89PNG"
+NYQUIST_AND_BESIDE = "imaginary part", "|L|", "phase of L"
 QUICK = make_settings(objective="itae", evaluations=25)
 Make = Callable[..., Plant]
 
@@ -303,6 +308,32 @@ def test_a_step_is_drawn_from_where_the_plant_rests(lag: Plant) -> None:
     low_um, high_um = above.get_ylim()
     assert 288.0 < low_um < 293.0
     assert 313.0 < high_um < 330.0
+
+
+def test_the_headline_of_the_steps_is_that_of_the_model_that_is_followed(problem: TuningProblem) -> None:
+    alone, followed = (judged(problem, Contender(x, x, "rule", Gains(0.1, ki, 0.0))) for x, ki in (("a", 2), ("b", 4)))
+    model = FollowedModel("model.fmu", "", "voltage", "displacement", 1.0, 1.0, 1, 0.0, 0.0, 0.1)
+    followed = replace(followed, kind="following", following=Following(model, Path("model.fmu")))
+    figure = steps_figure([alone, followed], problem.settings)
+    assert figure.get_suptitle().startswith("b: a step to")
+    widest = max(figure.axes[0].lines, key=lambda x: x.get_linewidth())
+    assert np.asarray(widest.get_ydata()).tolist() == displacement_of(followed)
+    assert steps_figure([alone], problem.settings).get_suptitle().startswith("a: a step to")
+
+
+def displacement_of(contender: Contender) -> list[float]:
+    assert contender.judgement is not None
+    fine_um = contender.judgement.trace.fine_displacement_um
+    assert fine_um is not None
+    return fine_um.tolist()
+
+
+def test_the_nyquist_panel_is_full(problem: TuningProblem) -> None:
+    figure = loop_figure(problem, Gains(0.1, 2.0, 0.0))
+    figure.draw_without_rendering()
+    panel, above, below = (next(x for x in figure.axes if x.get_ylabel().startswith(y)) for y in NYQUIST_AND_BESIDE)
+    drawn, upper, lower = (x.get_position() for x in (panel, above, below))
+    assert (drawn.y0, drawn.y1) == pytest.approx((lower.y0, upper.y1), abs=0.02)
 
 
 def test_settings_can_be_written_as_json() -> None:

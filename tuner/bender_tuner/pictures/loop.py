@@ -19,9 +19,10 @@ from bender_tuner.task.problem import TuningProblem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _POINTS = 1600
-_NYQUIST_VIEW = (-2.6, 1.2, -2.4, 1.4)
+_BESIDE_CIRCLES, _LOWEST_L = 0.1, -2.4
 _LOWEST_SHARE = 1e-3
 _FEW_DECADES = 100.0
 _MARK = {"color": MUTED, "lw": 0.9, "ls": (0, (4, 3)), "zorder": 2}
@@ -36,7 +37,12 @@ Curve = tuple[Sensitivities, str, float, int]
 
 
 def draw_loop(problem: TuningProblem, gains: Gains) -> bytes:
-    """Draw plant, L and the four sensitivity functions of the nominal loop, other cases thin behind; returns a PNG.
+    """Draw plant, L and the four sensitivity functions of the nominal loop, other cases thin behind; returns a PNG."""
+    return to_png(loop_figure(problem, gains))
+
+
+def loop_figure(problem: TuningProblem, gains: Gains) -> "Figure":
+    """Return the same as a figure.
 
     The plant's gain and its answer to a step stand by themselves, its phase beside that of L.
     """
@@ -67,7 +73,7 @@ def draw_loop(problem: TuningProblem, gains: Gains) -> bytes:
         panels[name].set_xlabel("frequency (Hz)", fontsize=9, color=INK)
     _write_plain_numbers([axes for name, axes in panels.items() if name not in ("nyquist", "step")])
     write_title(figure, loop_in_words(found), "thin: other gains and latencies")
-    return to_png(figure)
+    return figure
 
 
 def loop_in_words(found: Margins) -> str:
@@ -162,9 +168,10 @@ def _draw_nyquist(axes: "Axes", curves: list[Curve], bound: float) -> None:
     axes.plot(-1.0 + np.cos(turn) / bound, np.sin(turn) / bound, **_MARK)
     axes.plot([-1.0], [0.0], "+", color=INK, ms=9, zorder=6)
     axes.annotate(f"Ms = {bound:g}", (-1.0, 1.0 / bound), ha="center", va="bottom", fontsize=8, color=MUTED)
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(*_NYQUIST_VIEW[:2])
-    axes.set_ylim(*_NYQUIST_VIEW[2:])
+    # the panel shows more above and below, as far as it is higher than it is wide
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlim(-1.0 - 1.0 / bound - _BESIDE_CIRCLES, 1.0 + _BESIDE_CIRCLES)
+    axes.set_ylim(_LOWEST_L, 1.0 + _BESIDE_CIRCLES)
     dress(axes, x_label="real part of L", y_label="imaginary part of L")
 
 

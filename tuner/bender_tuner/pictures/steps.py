@@ -33,10 +33,11 @@ _BAND_SHARE = 0.02
 def draw_steps(
     contenders: Sequence[Contender], settings: TuneSettings, marks_s: Mapping[str, float] | None = None
 ) -> bytes:
-    """Draw all judged contenders, the first one in front; returns a PNG file.
+    """Draw all judged contenders, in front the one that is written; returns a PNG file.
 
     Args:
-        contenders: the tuned one first; those without a judgement are left out.
+        contenders: the tuned one first, which is written unless one of them follows a model; those without a judgement
+            are left out.
         settings: of the tuning.
         marks_s: instants to mark on the time axis, by what they are.
     """
@@ -50,7 +51,8 @@ def steps_figure(
     narrow: bool = False,
 ) -> "Figure":
     """Return the same as a figure, on demand one for a phone."""
-    judged = [(contender, contender.judgement) for contender in contenders if contender.judgement is not None]
+    written_first = sorted(contenders, key=lambda x: x.following is None)
+    judged = [(contender, contender.judgement) for contender in written_first if contender.judgement is not None]
     colours = colours_for([contender.method for contender, _ in judged])
     figure = new_figure(NARROW_IN, 7.0) if narrow else new_figure(10.5, 6.2)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
@@ -71,7 +73,8 @@ def steps_figure(
     above.set_ylim(*sorted((rest_um + _BOTTOM * height_um, rest_um + _TOP * height_um)))
     above.set_xlim(0.0, settings.duration_s)
     finding = relabelled(_finding(judged[0][0].label, judged[0][1].metrics, settings))
-    write_title(figure, finding, relabelled(_circumstances(settings)))
+    beside = "" if judged[0][0].following is None else f"; {contenders[0].label}: its gains, without the model"
+    write_title(figure, finding, relabelled(_circumstances(settings)) + beside)
     return figure
 
 
