@@ -14,7 +14,6 @@ from bender_loop.control.closed_loop import simulate
 from bender_loop.control.metrics import SETTLING_BAND, has_settled, step_metrics
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile, Reference, Step, profile_from_columns, read_profile
-from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError
 from bender_loop.fmu.diagnosed import diagnosed
@@ -23,6 +22,8 @@ from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, of_input_and_
 from bender_report.palette import light
 from bender_report.wording import axis_text, relabelled, shown_in
 from bender_tuner.results.gains_file import read_controller, require_units
+from bender_tuner.results.summary import camera_words
+from bender_tuner.task.experiment import seen_between_frames
 from bender_tuner.task.session import open_guarded
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import AnyModel, file_or_model
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
 _FRAMES_OF_A_STEP, _FRAMES_AFTER = 150, 60
 """How long a step is seen, and a profile behind its last set-point."""
-_FINEST_S = 4e-3
 _STEP_UM = 10.0
 
 
@@ -57,9 +57,9 @@ class StepSeen:
         from_um: set-point before it.
         to_um: set-point after it.
         seen_s: until the next step, or the end of the run.
-        overshoot_percent: of the step.
-        settling_time_s: to 2 % of the step; NaN where it does not settle while seen.
-        rms_um: from the set-point, the way there included.
+        overshoot_percent: of the step, between the frames too.
+        settling_time_s: to 2 % of the step, between the frames too; NaN where it does not settle while seen.
+        rms_um: from the set-point at the frames, the way there included.
     """
 
     time_s: float
@@ -82,6 +82,7 @@ class LoopSimulation:
         steps: of the reference, where it has a few.
         units: of command and reading, "V" and "um" unless the FMU declares others.
         remark: why another controller runs than was asked for; empty where it is the same.
+        camera: how the loop sees the plant, in words.
     """
 
     subject: str
@@ -90,6 +91,7 @@ class LoopSimulation:
     steps: tuple[StepSeen, ...]
     units: tuple[str, str] = (VOLT, MICROMETRE)
     remark: str = ""
+    camera: str = ""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -212,7 +214,16 @@ def figures_table(found: LoopSimulation) -> tuple[list[str], list[list[str | flo
         where = f"step at {x.time_s:g} s, {x.from_um:.6g} to {x.to_um:.6g} {unit}"
         rows.append([where, settling, round(x.overshoot_percent, 2), round(x.rms_um, 4)])
     columns = ["reference", "settle_s", "over_%", "rms_um" if unit == "µm" else f"rms_{unit}"]
-    return columns, [*rows, ["whole run", "", "", round(found.rms_um, 4)]]
+    return columns, [*rows, [f"whole run, {found.time_s[-1]:.4g} s", "", "", round(found.rms_um, 4)]]
+
+
+def how_seen(found: LoopSimulation) -> str:
+    """Return how the figures were made, beside which those of a tuning stand, in a sentence."""
+    camera = found._in_own_units(found.camera)
+    return (
+        f"loop: {camera}; settling and overshoot between the frames too, rms at the frames of the whole time. "
+        "`bender tune` has its own --noise, --latency and --duration: with the same its step is this one"
+    )
 
 
 LOOP_SETTINGS = "rate_Hz", "latency_frames", "exposure_s", "noise_um", "lower_V", "upper_V", "slew_V_per_s", "seed"
@@ -276,7 +287,7 @@ def simulate_loop(
     given = file_or_model("paper" if model is None else model)
     path = ready_plant_fmu(given) if fmu is None else Path(fmu)
     subject = Path(fmu).name if fmu is not None else str(getattr(given, "name", given))
-    sampling = _fine(wanted.sampling)
+    sampling = seen_between_frames(wanted.sampling)
     rng = np.random.default_rng(wanted.seed)
     require_text("units", units, "W,K")
     kept = USUAL if units is None else of_input_and_output(units)
@@ -321,7 +332,8 @@ def simulate_loop(
             slew = wanted.slew_V_per_s
             trace = simulate(plant, controller.gains, bounds, reference, sampling, length_s, rng, slew_V_per_s=slew)
             name = "PID block"
-    return LoopSimulation(subject, name, trace, _steps(trace), facts.units, controller.note if follow_model else "")
+    note = controller.note if follow_model else ""
+    return LoopSimulation(subject, name, trace, _steps(trace), facts.units, note, camera_words(wanted))
 
 
 class _Controller(NamedTuple):
@@ -400,13 +412,8 @@ def _length_s(reference: Reference, rate_Hz: float) -> float:
     return _FRAMES_OF_A_STEP / rate_Hz
 
 
-def _fine(sampling: Sampling) -> Sampling:
-    """The same camera with plant steps of 2 ms or less, to show the time between the frames."""
-    finer = max(1, math.ceil(sampling.plant_step_s / _FINEST_S - 1e-9))
-    return replace(sampling, substeps=finer * sampling.substeps)
-
-
 _MOST_STEPS, _FEWEST_FRAMES = 12, 10
+_SAME_S = 1e-9
 
 
 def _steps(trace: Trace) -> tuple[StepSeen, ...]:
@@ -426,7 +433,9 @@ def _steps(trace: Trace) -> tuple[StepSeen, ...]:
         if abs(aim - tip[0]) <= SETTLING_BAND * abs(aim - before):
             continue
         seen = Trace(time[rows] - time[begin], setpoint[rows], tip, tip, trace.voltage_V[rows])
-        metrics = step_metrics(seen)
+        metrics = step_metrics(
+            _with_fine(seen, trace, float(time[begin]), float(time[min(end, time.size - 1)])), intersample=True
+        )
         found.append(
             StepSeen(
                 time_s=float(time[begin]),
@@ -435,7 +444,16 @@ def _steps(trace: Trace) -> tuple[StepSeen, ...]:
                 seen_s=float(time[end - 1] - time[begin]),
                 overshoot_percent=metrics.overshoot_percent,
                 settling_time_s=metrics.settling_time_s,
-                rms_um=math.sqrt(metrics.mse_um2),
+                rms_um=math.sqrt(step_metrics(seen).mse_um2),
             )
         )
     return tuple(found)
+
+
+def _with_fine(seen: Trace, trace: Trace, begin_s: float, end_s: float) -> Trace:
+    """Return a part of a trace with what it shows between the frames; the frames alone where it shows no more."""
+    fine_s, fine_um = trace.fine_time_s, trace.fine_displacement_um
+    if fine_s is None or fine_um is None:
+        return replace(seen, fine_time_s=seen.time_s, fine_displacement_um=seen.displacement_um)
+    rows = (fine_s > begin_s - _SAME_S) & (fine_s < end_s + _SAME_S)
+    return replace(seen, fine_time_s=fine_s[rows] - begin_s, fine_displacement_um=fine_um[rows])

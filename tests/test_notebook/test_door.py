@@ -442,6 +442,17 @@ def test_a_loop_with_an_integral_comes_to_its_set_point():
         pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", lower_V=50.0, upper_V=0.0)
 
 
+def test_a_step_settles_in_a_simulation_as_in_the_tuning_of_its_gains():
+    tuned = pb.tune("paper", method="simc", setpoint_um=8.0)
+    judgement = tuned.session.contenders[0].judgement
+    assert judgement is not None
+    (step,) = pb.simulate_loop(tuned, "paper", setpoint_um=8.0).steps
+    wanted = judgement.metrics
+    assert step.settling_time_s == pytest.approx(wanted.settling_time_s, abs=1e-6)
+    assert step.overshoot_percent == pytest.approx(wanted.overshoot_percent, abs=1e-3)
+    assert wanted.settling_time_s % (1.0 / 30.0) > 1e-3, "it arrives between two frames"
+
+
 @needs_compiler
 def test_gains_of_an_fmu_have_the_units_of_its_variables(tmp_path: Path):
     fmu = foreign_fmu(tmp_path / "oven.fmu", input_unit="W", output_unit="K", gain=0.5)

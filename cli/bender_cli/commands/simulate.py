@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.fmu.start_values import start_values
     from bender_loop.shell.files import check_directory, keep_earlier, unused
     from bender_loop.shell.progress import print_table
-    from piezo_bender.loops import figures_table, simulate_loop
+    from piezo_bender.loops import figures_table, how_seen, simulate_loop
 
     if arguments.out is None:
         arguments.out = unused(Path("results") / "simulate")
@@ -90,6 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     found.save(arguments.out)
     columns, rows = figures_table(found)
     print_table(f"{found.controller} on {found.subject}", columns, rows)
+    sys.stdout.write(f"{how_seen(found)}\n")
     names = ", ".join(str(arguments.out / name) for name in FILES)
     sys.stdout.write(f"written: {names}\n")
     return 0

@@ -31,13 +31,7 @@ def task_lines(settings: TuneSettings, fmu: str, input_name: str, output_name: s
     limits = f"{settings.lower_V:g}..{settings.upper_V:g} V"
     slew = "" if math.isinf(settings.slew_V_per_s) else f", at most {settings.slew_V_per_s:g} V/s"
     yield f"plant: {fmu}, {input_name} -> {output_name}, command {limits}{slew}"
-    exposure = f"{settings.exposure_s * 1e3:.3g} ms exposure" if settings.exposure_s else "snapshots"
-    latency = f"{settings.latency_frames} frame{'' if settings.latency_frames == 1 else 's'} of latency"
-    noise = f", noise {settings.noise_um:g} µm" if settings.noise_um else ""
-    yield (
-        f"loop: {settings.rate_Hz:g} Hz, {latency}, {exposure}{noise}; "
-        f"step to {settings.setpoint_um:g} µm, {settings.duration_s:g} s a run"
-    )
+    yield f"loop: {camera_words(settings)}; step to {settings.setpoint_um:g} µm, {settings.duration_s:g} s a run"
     if settings.method in RULES:
         yield f"method: {RULES[settings.method]}, a closed formula; judged by {settings.objective}"
     else:
@@ -48,6 +42,20 @@ def task_lines(settings: TuneSettings, fmu: str, input_name: str, output_name: s
         )
     if settings.method == PAPER_METHOD:
         yield "paper mode: the derivative acts on the error, unfiltered"
+
+
+def camera_words(settings: TuneSettings) -> str:
+    """How the loop sees the plant."""
+    exposure = f"{settings.exposure_s * 1e3:.3g} ms exposure" if settings.exposure_s else "snapshots"
+    latency = f"{settings.latency_frames} frame{'' if settings.latency_frames == 1 else 's'} of latency"
+    noise = f", noise {settings.noise_um:g} µm" if settings.noise_um else ""
+    return f"{settings.rate_Hz:g} Hz, {latency}, {exposure}{noise}"
+
+
+def deciding_title(settings: TuneSettings) -> str:
+    """Of the table of what decides: its figures are of coarser steps than those of the table of all methods."""
+    seen = f"every {1e3 * settings.sampling.plant_step_s:.3g} ms" if settings.sampling.substeps > 1 else "at the frames"
+    return f"by what decides whether the model is followed: the same step seen {seen} for {settings.duration_s:g} s"
 
 
 def taken_units(facts: FmuFacts) -> str:

@@ -17,7 +17,7 @@ from bender_loop.control.trace import Array, Trace
 from bender_loop.fmu.followed_model import Loop, run_following
 from bender_tuner.task.following import Following
 
-FINEST_STEP_S = 1e-3
+FINEST_STEP_S, _FINEST_SHARE = 1e-3, 0.01
 _SAME_S = 1e-9
 _DOWN = 0.5
 """Part of the way up."""
@@ -158,10 +158,15 @@ class StepExperiment:
 
 
 def between_frames(experiment: StepExperiment) -> StepExperiment:
-    """Return the same step with the time between the frames in steps of 1 ms or less."""
-    sampling = experiment.sampling
-    finer = max(1, math.ceil(sampling.plant_step_s / FINEST_STEP_S - 1e-9))
-    return replace(experiment, sampling=replace(sampling, substeps=finer * sampling.substeps))
+    """Return the same step with the time between the frames, as `seen_between_frames` has it."""
+    return replace(experiment, sampling=seen_between_frames(experiment.sampling))
+
+
+def seen_between_frames(sampling: Sampling) -> Sampling:
+    """Return the same camera with plant steps of 1 ms or less, or of a hundredth of a period where that is longer."""
+    finest_s = max(FINEST_STEP_S, _FINEST_SHARE * sampling.period_s)
+    finer = max(1, math.ceil(sampling.plant_step_s / finest_s - 1e-9))
+    return replace(sampling, substeps=finer * sampling.substeps)
 
 
 def _rms_um(trace: Trace) -> float:

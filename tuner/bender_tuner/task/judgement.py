@@ -33,7 +33,7 @@ class Judgement:
     Attributes:
         gains: the gains.
         value: of the objective that was minimised.
-        trace: the nominal step response, with the time between the frames in steps of 1 ms or less.
+        trace: the nominal step response, with the time between the frames.
         metrics: its figures, between the frames too.
         at_frames: its figures at the frames alone, which is all that a camera shows.
         practitioner: the practitioner's objective and its cases.

@@ -23,6 +23,7 @@ from bender_report.wording import listed, relabelled, shown_in
 from bender_tuner.model.ensemble import Rival
 from bender_tuner.results.gains_file import write_gains
 from bender_tuner.results.summary import (
+    deciding_title,
     finding_lines,
     gain_lines,
     recommendation_rows,
@@ -548,7 +549,8 @@ def _pictures(session: Session) -> dict[str, bytes | None]:
 def _print_results(session: Session, written: list[Path], *, foreign: bool) -> None:
     settings = session.settings
     columns, rows = table_rows(session.contenders)
-    print_table(relabelled(f"step to {settings.setpoint_um:g} µm"), columns, rows)
+    title = f"step to {settings.setpoint_um:g} µm, seen between the frames too for {settings.duration_s:g} s"
+    print_table(relabelled(title), columns, rows)
     tuned = session.contenders[0]
     if tuned.gains is not None:
         _say("", f"gains of {tuned.label}", *(f"  {line}" for line in gain_lines(tuned.gains, settings.rate_Hz)))
@@ -559,7 +561,7 @@ def _print_results(session: Session, written: list[Path], *, foreign: bool) -> N
         ),
     )
     if session.recommendation is not None:
-        print_table("by what decides whether the model is followed", *recommendation_rows(session.recommendation))
+        print_table(deciding_title(settings), *recommendation_rows(session.recommendation))
         _say(session.recommendation.sentence)
         if session.recommendation.following is not None and session.is_fit:
             _say(how_to_follow(written[0], foreign=foreign))
