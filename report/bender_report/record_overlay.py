@@ -3,7 +3,7 @@
 import io
 import textwrap
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
 )
 # what was measured lies on top of the simulated lines
 ON_TOP = 4
+_OVER: dict[str, Any] = {"ls": (0, (3, 2)), "zorder": 3}
+"""As given, dashed over the recalibrated line, so that both are seen where they are the same."""
 MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
 COMMON = 0.98
 # characters of the heading on a phone
@@ -144,10 +146,10 @@ def _draw_time(
     axis = overlay.axis[shown][rows]
     axes.plot(axis, measured[rows], ".", color=MEASURED, ms=_dot(rows.size), label="measured", zorder=ON_TOP)
     if _is_near(overlay):
-        axes.plot(axis, overlay.simulated_um[shown][rows], color=GIVEN, lw=1.6, label="simulated, as given")
+        axes.plot(axis, overlay.simulated_um[shown][rows], color=GIVEN, lw=1.6, label="simulated, as given", **_OVER)
     else:
-        axes.plot([], [], color=GIVEN, lw=1.6, label="simulated, as given: beyond this picture")
-    axes.plot(axis, recalibrated_um[shown][rows], color=RECALIBRATED, lw=1.3, label="simulated, recalibrated")
+        axes.plot([], [], color=GIVEN, lw=1.6, label="simulated, as given: beyond this picture", **_OVER)
+    axes.plot(axis, recalibrated_um[shown][rows], color=RECALIBRATED, lw=1.8, label="simulated, recalibrated")
     axes.set_ylabel(axis_text("displacement (µm)"))
     axes.set_title(title, loc="left", fontsize=10)
     if has_keys:
@@ -161,8 +163,8 @@ def _draw_loop(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
     acting = overlay.acting_V[rows]
     axes.plot(acting, overlay.measured_um[rows], ".", color=MEASURED, ms=_dot(rows.size), zorder=ON_TOP)
     if _is_near(overlay):
-        axes.plot(acting, overlay.simulated_um[rows], color=GIVEN, lw=1.2)
-    axes.plot(acting, recalibrated_um[rows], color=RECALIBRATED, lw=1.1)
+        axes.plot(acting, overlay.simulated_um[rows], color=GIVEN, lw=1.2, **_OVER)
+    axes.plot(acting, recalibrated_um[rows], color=RECALIBRATED, lw=1.6)
     axes.set_ylabel(axis_text("displacement (µm)"))
     axes.set_title(f"over the acting {input_word()}", loc="left", fontsize=10)
 
@@ -199,7 +201,7 @@ def _write_heading(figure: "Figure", overlay: Overlay, comparison: Comparison) -
     lines = (
         overlay.title,
         f"rms {before.rms_um:.3g} µm as given, {after.rms_um:.3g} µm recalibrated "
-        f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)",
+        f"(gain × {line.gain:.4g}, offset {line.offset_told_um(before.rms_um):+.4g} µm)",
     )
     shown = [textwrap.fill(x, NARROW_LINE) for x in lines] if is_narrow(figure) else lines
     figure.suptitle(relabelled(drawable("\n".join(shown))), fontsize=10 if is_narrow(figure) else 11)
