@@ -17,12 +17,12 @@ from PIL import Image
 from scipy.signal import lfilter
 
 from bender_loop.errors import InputError
-from bender_loop.records.compare import agreement, compare, recalibrate
+from bender_loop.records.compare import Recalibration, agreement, compare, recalibrate
 from bender_loop.records.record import Record
 from bender_loop.records.replay import RESTING_UM, replay
 from bender_loop.records.zero_move import without_zero_move, zero_move
 from bender_report.chart import MOST_POINTS, thinned
-from bender_report.record_overlay import SHOWN_REVERSALS, Overlay, draw_overlay, reversals, window
+from bender_report.record_overlay import SHOWN_REVERSALS, Overlay, draw_overlay, overlay_figure, reversals, window
 from bender_report.wording import shown_in
 
 READINGS = hnp.arrays(np.float64, st.integers(5, 40), elements=st.floats(-50, 50, width=32))
@@ -133,6 +133,22 @@ def test_titles_of_the_picture_call_the_command_what_it_is(
     with shown_in(*units):
         draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
     assert {f"over the acting {word}", f"the same over the {word}"} <= set(titles)
+
+
+def test_where_recalibration_changes_nothing_both_simulations_are_seen() -> None:
+    overlay = _overlay(200)
+    figure = overlay_figure(overlay, compare(overlay.measured_um, overlay.simulated_um))
+    axes = next(x for x in figure.axes if x.get_legend() is not None and len(x.lines) == 3)
+    lines = {x.get_label(): x for x in axes.lines}
+    given, recalibrated = lines["simulated, as given"], lines["simulated, recalibrated"]
+    assert given.get_zorder() > recalibrated.get_zorder()
+    assert (given.get_linestyle(), recalibrated.get_linestyle()) == ("--", "-")
+
+
+def test_an_offset_of_rounding_is_told_as_none() -> None:
+    measured = np.array([0.0, 2.0, 4.0, 1.0])
+    assert Recalibration(1.0, 1e-15).offset_told_um(0.1) == 0.0
+    assert compare(measured, measured - 0.3).recalibration.offset_told_um(0.3) == pytest.approx(0.3)
 
 
 def test_reversals_of_a_triangle_are_its_corners():

@@ -105,10 +105,11 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     rows = [[name, y.rms_um, y.nrmse_percent, y.fit_percent] for name, y in cases.items()]
     print_table(f"{arguments.record} and {found.subject}", ["model", f"rms_{unit}", "nrmse_%", "fit_%"], rows)
     line = x.recalibration
-    lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
+    read = f"{x.rows - x.lost_rows} of {x.rows} rows, which have a reading" if x.lost_rows else f"all {x.rows} rows"
     sys.stdout.write("".join(f"{x}\n" for x in (x.question, found.remark) if x))
     drawn = f", {arguments.out / 'overlay.png'}" if can_draw() else f"\n{no_pictures()}"
     sys.stdout.write(
-        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, {x.rows} rows{lost}\n"
+        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_told_um(x.before.rms_um):+.4g} {unit_text(unit)}; "
+        f"rms of {read}\n"
         f"written: {arguments.out / 'comparison.json'}{drawn}\n"
     )

@@ -130,7 +130,14 @@ def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quanti
 
 
 def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *, is_free: bool) -> None:
-    from bender_identify.first_model.report import choice_sentence, columns, doubt_sentence, sentences, table
+    from bender_identify.first_model.report import (
+        choice_sentence,
+        columns,
+        doubt_sentence,
+        rms_sentence,
+        sentences,
+        table,
+    )
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import remark
     from bender_loop.tables.quantities import MICROMETRE, VOLT
@@ -138,7 +145,7 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
 
     print_table("structures tried (* is written)", columns(quantities), table(found))
     why = choice_sentence(found) if is_free else ""
-    sys.stdout.write(f"{why}\n" if why else "")
+    sys.stdout.write("".join(f"{x}\n" for x in (rms_sentence(found), why) if x))
     sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found, quantities)))
     sys.stdout.write(f"written: {', '.join(str(path) for path in written)}\n")
     if quantities.reading != MICROMETRE or quantities.command != VOLT:

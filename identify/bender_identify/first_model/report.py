@@ -132,6 +132,23 @@ def table(found: FirstModel) -> list[list[Any]]:
     ]
 
 
+def rms_sentence(found: FirstModel) -> str:
+    """Return of which rows the rms of the table and of the written model are."""
+    told = "rms: of all rows, by a fit to a part of them; of unseen blocks: of the same rows, by fits without them"
+    written = written_rms(found)
+    if math.isnan(written):
+        return told
+    return f"{told}. What is written is fitted to all rows again and leaves {written:.4g}, as `bender compare` has it"
+
+
+def written_rms(found: FirstModel) -> float:
+    """Return what the written model leaves of all rows of the records; NaN where it was fitted to an excerpt alone."""
+    rows = [x.fitted | x.held_out for x in found.task.experiments]
+    if any(x.size != r.size for x, r in zip(rows, found.chosen.residuals, strict=True)):
+        return math.nan
+    return math.sqrt(found.chosen.square(rows) / max(sum(int(x.sum()) for x in rows), 1))
+
+
 def choice_sentence(found: FirstModel) -> str:
     """Return why a structure is written that does not simulate unseen blocks best; nothing where it does."""
     if found.loop is not None:

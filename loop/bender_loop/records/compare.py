@@ -17,6 +17,7 @@ Signal = NDArray[np.float64]
 FEWEST_READINGS = 3
 """Gain and offset take two readings; a third is the least that can disagree."""
 
+ROUNDING = 1e-9
 STILL_UM = 1e-9
 """A simulation that moves less than this does not move: what is left is rounding."""
 
@@ -46,6 +47,10 @@ class Recalibration:
     def apply(self, simulated_um: Signal) -> Signal:
         """The recalibrated simulation, shape as given."""
         return self.gain * simulated_um + self.offset_um
+
+    def offset_told_um(self, beside_um: float) -> float:
+        """Return the offset, 0 where it is nothing but rounding beside another length."""
+        return self.offset_um if abs(self.offset_um) > ROUNDING * abs(beside_um) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
