@@ -328,6 +328,13 @@ def displacement_of(contender: Contender) -> list[float]:
     return fine_um.tolist()
 
 
+def test_a_plant_that_is_a_gain_alone_is_drawn(linear_plant: Make) -> None:
+    figure = loop_figure(pose_problem(linear_plant([0.8], [1.0]), QUICK), Gains(0.1, 2.0, 0.0))
+    figure.draw_without_rendering()
+    low, high = next(x for x in figure.axes if x.get_ylabel().startswith("|G|")).get_ylim()
+    assert low < 0.8 < high
+
+
 def test_the_nyquist_panel_is_full(problem: TuningProblem) -> None:
     figure = loop_figure(problem, Gains(0.1, 2.0, 0.0))
     figure.draw_without_rendering()

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _POINTS = 1600
 _BESIDE_CIRCLES, _LOWEST_L = 0.1, -2.4
 _LOWEST_SHARE = 1e-3
-_FEW_DECADES = 100.0
+_FEW_DECADES, _FLAT = 100.0, 1.001
 _MARK = {"color": MUTED, "lw": 0.9, "ls": (0, (4, 3)), "zorder": 2}
 _LAYOUT: list[Any] = [
     ["plant", "gain", "nyquist", "complementary", "load"],
@@ -106,7 +106,10 @@ def _draw_plant(panels: dict[str, "Axes"], responses: Sensitivities, plant: Dela
     above, below = panels["plant"], panels["step"]
     model = plant.model
     response = model.frequency_response(2.0 * math.pi * responses.frequency_Hz)
-    above.loglog(responses.frequency_Hz, np.abs(response), color=_PLANT, lw=2.0)
+    size = np.abs(response)
+    above.loglog(responses.frequency_Hz, size, color=_PLANT, lw=2.0)
+    if float(size.max()) < _FLAT * float(size.min()):
+        above.set_ylim(0.5 * float(size.min()), 2.0 * float(size.max()))
     phase_deg = np.degrees(np.unwrap(np.angle(response)))
     panels["phase"].semilogx(responses.frequency_Hz, phase_deg, color=_PLANT, lw=1.4, zorder=4)
     steps = model.step_response(model.pulse_um_per_V.size + 1)
