@@ -109,7 +109,7 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     sys.stdout.write("".join(f"{x}\n" for x in (x.question, found.remark) if x))
     drawn = f", {arguments.out / 'overlay.png'}" if can_draw() else f"\n{no_pictures()}"
     sys.stdout.write(
-        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_told_um(x.before.rms_um):+.4g} {unit_text(unit)}; "
+        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_told_um(x.before.rms_um):+.4g} {unit_text(unit)}, "
         f"rms of {read}\n"
         f"written: {arguments.out / 'comparison.json'}{drawn}\n"
     )

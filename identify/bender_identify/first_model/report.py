@@ -138,11 +138,13 @@ def rms_sentence(found: FirstModel) -> str:
     written = written_rms(found)
     if math.isnan(written):
         return told
-    return f"{told}. What is written is fitted to all rows again and leaves {written:.4g}, as `bender compare` has it"
+    rows = sum(int(np.sum(x.fitted | x.held_out)) for x in found.task.experiments)
+    every = sum(x.time_s.size for x in found.task.experiments)
+    return f"{told}. What is written is fitted to {rows} of {every} rows and leaves {written:.4g} on them"
 
 
 def written_rms(found: FirstModel) -> float:
-    """Return what the written model leaves of all rows of the records; NaN where it was fitted to an excerpt alone."""
+    """Return what the written model leaves on the rows that it was fitted to; NaN where that was an excerpt."""
     rows = [x.fitted | x.held_out for x in found.task.experiments]
     if any(x.size != r.size for x, r in zip(rows, found.chosen.residuals, strict=True)):
         return math.nan
