@@ -10,6 +10,7 @@ import pytest
 from bender_hil.log.ending import EndOfRun, conduct, count_swings, last_line
 from bender_hil.log.page import page
 from bender_hil.log.read_run import RunLog
+from bender_hil.log.results import slew_rows
 from bender_hil.log.summary import Summary
 from bender_loop.control.metrics import StepMetrics
 
@@ -71,6 +72,15 @@ def _log(folder: Path, ticks: int, **start: object) -> RunLog:
     guard.append({"kind": "output_off", "t": 100.1 + ticks / 30.0})
     facts = {"emulated": True, "period_s": 1.0 / 30.0, "date": "2026-05-04T10:11:12+00:00", **start}
     return RunLog(folder, facts, tuple(rows), (), tuple(guard))
+
+
+def test_the_slew_of_the_controller_stands_beside_that_of_the_guard(tmp_path: Path):
+    loop = {"mode": "closed_loop", "slew_V_per_s": 225.0}
+    log = RunLog(tmp_path, {"program": loop, "bench": {"guard": {"slew_V_per_s": 250.0}}}, (), (), ())
+    ((what, told),) = slew_rows(log)
+    assert "V/s" in what
+    assert told == "225 by the controller (90 % of the guard's), 250 by the guard"
+    assert slew_rows(RunLog(tmp_path, {"program": {"mode": "open_loop"}}, (), (), ())) == []
 
 
 def test_swings_are_counted_in_closed_loops_whose_limits_are_known(tmp_path: Path):

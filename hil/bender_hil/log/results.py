@@ -73,7 +73,7 @@ def write_results(directory: Path, log: RunLog, record: Path | None, end: EndOfR
         unwritten.append(str(error))
     said = conduct(summary, swings, step, unexpected_behaviour(log))
     line = last_line(said, end)
-    rows = _rows(summary, swings, step, stairs)
+    rows = [*_rows(summary, swings, step, stairs), *slew_rows(log)]
     facts = _facts(summary, swings, step, stairs, said, end, line) | {"at_rest": log.start.get("at_rest")}
     try:
         write_result(directory / FIGURES, finite(facts))
@@ -169,6 +169,17 @@ def _rows(summary: Summary, swings: int, step: StepMetrics | None, stairs: Stair
             ["widest loop, µm", f"{stairs.loop_width_um:.2f}"],
         ]
     return rows
+
+
+def slew_rows(log: RunLog) -> list[Row]:
+    """Return how fast a command may change: a controller keeps to a part of what the guard lets through."""
+    of_controller = log.start.get("program", {}).get("slew_V_per_s")
+    of_guard = log.start.get("bench", {}).get("guard", {}).get("slew_V_per_s")
+    if of_controller is None or of_guard is None:
+        return []
+    share = 100.0 * of_controller / of_guard
+    told = f"{of_controller:g} by the controller ({share:.0f} % of the guard's), {of_guard:g} by the guard"
+    return [["fastest command allowed, V/s", told]]
 
 
 def _ms(value: float | None) -> str:
