@@ -253,6 +253,9 @@ class _WithCorrections(Output):
         return {}
 
 
+BESIDE = ("transport_delay", "delay_s"), ("sensor_lag", "time_constant_s")
+
+
 def _output(name: str, before: Correction, behind: Correction = NOTHING) -> Output:
     kinds = (behind,) if behind is NOTHING else (behind, NOTHING)
     return _WithCorrections(None, name, (before,), kinds)  # type: ignore[arg-type]
@@ -328,6 +331,22 @@ def test_the_terminal_has_the_numbers_of_what_was_found_and_what_is_left_in_word
     assert "left with all outputs together: plate 0.07 K (noise 0.05 K), air 0.34 K (noise 0.05 K)" in lines
     assert outputs_report._titles(told, ("second_mode",)) == "a second mode"
     assert titles(("second_mode",)) == "a second bending mode"
+
+
+def test_the_page_has_no_rows_of_what_is_not_needed_with_all_outputs_together() -> None:
+    delay = Correction(("transport_delay",), MODEL.with_block("transport_delay", delay_s=0.06), 1)
+    outputs = [_output("a", delay), _output("b", NOTHING)]
+    left = {(x, k, 0): OutputResidual(-900.0 if k else 500.0, 1.0) for x in ("a", "b") for k in (0, 1)}
+    ranked = rank_explanations(outputs, left, {x: OutputResidual(400.0, 1.0) for x in ("a", "b")}, 0.99)
+    found = [SimpleNamespace(id=x, numbers=[Number(n, 0.06, "s")]) for x, n in BESIDE]
+    gap = SimpleNamespace(recalibrated=SimpleNamespace(rms_um=2.0), after=SimpleNamespace(rms_um=1.0), floor_um=0.05)
+    own = {"verdict": "named", "is_complete": True, "quantities": USUAL, "gap": gap, "model": MODEL}
+    findings = SimpleNamespace(recalibrated=())
+    alone = {"a": SimpleNamespace(**own, added=found, findings=findings)}
+    alone["b"] = SimpleNamespace(**own, added=(), findings=findings)
+    sections = outputs_report.page(Together(alone, ranked, {}, {}), {"a": "a", "b": "b"}).sections  # type: ignore[arg-type]
+    (table,) = [x.table for x in sections if x.table is not None and "acts on" in x.table.columns]
+    assert [row[0] for row in table.rows] == ["transport delay"]
 
 
 class _WithDelay(_WithCorrections):

@@ -237,6 +237,7 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         row
         for name, alone in found.by_itself.items()
         for row in (*_joint_rows(found, name, alone), *_number_rows(found, name, alone))
+        if row[-1] != NOT_NEEDED
     ]
     ways = [_way_row(found, x) for x in found.ranked.ways[:MOST_WAYS]]
     stressed = next((k for k, x in enumerate(found.ranked.ways[:MOST_WAYS]) if x is found.best), 0)
