@@ -247,7 +247,7 @@ class Diagnosis:
                 model, fmu = rival.files
                 write_atomically(folder / model, tomli_w.dumps(rival.model.to_table()))
                 write_atomically(folder / fmu, rival.fmu())
-        if self.next_experiment is not None:
+        if self.next_experiment is not None and self.next_experiment.tells_apart:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv(self.quantities.command))
         told["sha256"] = {x: sha256((folder / x).read_bytes()).hexdigest() for x in (told["model"], told["fmu"]) if x}
         write_atomically(folder / DIAGNOSIS, result_text(told))

@@ -274,7 +274,8 @@ def test_rows_of_a_diagnosis_keep_its_numbers() -> None:
                      "rivals": [{"id": "ageing", "delta_bic": 1.0}],
                      "parameters": {"share": {"value": 0.1, "std": None, "unit": "1"}}}],
         "gap": {"before": gap, "recalibrated": gap, "after": gap, "noise_floor_um": 0.06},
-        "recalibrated": {"gain": {"before": 1.0, "after": 0.9}}, "next_experiment": {"why": "because"},
+        "recalibrated": {"gain": {"before": 1.0, "after": 0.9}},
+        "next_experiment": {"why": "because", "profile": "profile.csv"},
     }  # fmt: skip
     row, (effect,) = rows(told)
     assert (row["gain"], row["offset_um"], row["next_experiment"], row["has_model"]) == (0.9, 0.0, "because", False)

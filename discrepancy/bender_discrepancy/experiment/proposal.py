@@ -41,7 +41,7 @@ class Proposal:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry `next_experiment` of `diagnosis.json`."""
-        return {"why": self.why, "profile": PROFILE, "tells_apart": self.tells_apart}
+        return {"why": self.why, "profile": PROFILE if self.tells_apart else None, "tells_apart": self.tells_apart}
 
     def to_csv(self, unit: str = "V") -> str:
         """Return the profile as `bender hil --profile` reads it; other units than V stand in its head."""

@@ -85,7 +85,7 @@ def rows(told: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, Any]]]
         "after_percent": gap["after"]["nrmse_percent"],
         "gain": changed["gain"]["after"] if "gain" in changed else 1.0,
         "offset_um": changed["offset"]["after"] if "offset" in changed else 0.0,
-        "next_experiment": following["why"] if following else None,
+        "next_experiment": following["why"] if following and following.get("profile") else None,
         "has_model": told["model"] is not None,
         "warnings": list(told["warnings"]),
     }

@@ -87,7 +87,6 @@ def answer(trial: Trial) -> Answer:
 
 
 def _answer(trial: Trial, begin: float) -> Answer:
-    from bender_discrepancy.experiment.proposal import PROFILE
     from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.workflow import diagnose
 
@@ -111,10 +110,20 @@ def _answer(trial: Trial, begin: float) -> Answer:
         parameters={f"{x.id}.{number.name}": number.value for x in diagnosis.added for number in x.numbers},
         gap=told["gap"],
         second=second,
-        profile=trial.directory / PROFILE if diagnosis.next_experiment else None,
+        profile=_profile(diagnosis, trial.directory),
         columns=tuple(x["column"] for x in told["columns_that_would_tell"]),
         seconds=seconds,
     )
+
+
+def _profile(diagnosis: "Diagnosis", folder: Path) -> Path | None:
+    """Return the file of the next experiment: here one is played too that promises little."""
+    from bender_discrepancy.experiment.proposal import PROFILE
+
+    if diagnosis.next_experiment is None:
+        return None
+    (folder / PROFILE).write_text(diagnosis.next_experiment.to_csv(), encoding="utf-8")
+    return folder / PROFILE
 
 
 def _of_fmu(fmu: Path, records: "Sequence[Record]") -> "Diagnosis":
