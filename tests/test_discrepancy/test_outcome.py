@@ -25,9 +25,11 @@ from bender_discrepancy.diagnosis import DIAGNOSIS, FILES, Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.experiment.design import Experiment
+from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.profile import Ends
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.first_look import doubt
@@ -441,6 +443,39 @@ def test_a_rival_of_an_open_verdict_has_a_model_however_unlikely_it_is(ambiguous
     )
     (rival,) = rival_models(replace(ambiguous, effects=reported))
     assert (rival.effects, rival.to_dict()["probability"]) == ((SIDES[1],), 1e-4)
+
+
+def test_a_number_of_the_model_at_the_end_of_its_range_is_said(tmp_path: Path):
+    base = load_model("paper")
+    form = own_form(base)
+    assert form is not None
+    record = record_of(voltage_V=levels(8.0))
+    for factor, is_said in ((form.free[0].high, True), (1.1, False)):
+        values = (factor, *(x.starts[0] for x in form.free[1:]))
+        search = told([record], replace(Hypothesis(), own=Part(form, values)), word="recalibrated", refit=False)
+        findings = find(search)
+        (changed,) = [x for x in findings.changed if x.name == form.free[0].name]
+        assert changed.at_end is is_said
+        assert any(form.free[0].name in x and "end of its range" in x for x in warnings(findings)) is is_said
+        measured = measure(search, findings.model, findings.calibration, tmp_path / "model.fmu")
+        printed = " ".join(summary(findings, measured, outcome(findings, measured), tmp_path))
+        assert ("end of its range" in " ".join(printed.split())) is is_said
+
+
+@pytest.mark.parametrize("tells_apart", [True, False])
+def test_a_command_that_distinguishes_nothing_is_not_written(ambiguous: Findings, tmp_path: Path, tells_apart: bool):
+    fmu = tmp_path / "measured.fmu"
+    gap = measure(ambiguous.search, ambiguous.model, ambiguous.calibration, fmu)
+    proposal = Proposal("because", np.array([0.0, 1.0]), np.array([0.0, 9.0]), tells_apart)
+    diagnosis = Diagnosis(ambiguous, gap, proposal, None, ("record.csv",), fmu.read_bytes())
+    out = tmp_path / "out"
+    out.mkdir()
+    diagnosis.write(out, report=False)
+    assert (out / "profile.csv").exists() is tells_apart
+    assert ("profile.csv" in " ".join(diagnosis.summary(out))) is tells_apart
+    assert json.loads((out / DIAGNOSIS).read_text())["next_experiment"]["profile"] == (
+        "profile.csv" if tells_apart else None
+    )
 
 
 def test_a_verdict_that_is_not_open_leaves_none(ambiguous: Findings):

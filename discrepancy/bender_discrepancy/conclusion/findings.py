@@ -82,7 +82,8 @@ class RecalibratedNumber:
     """Gain or offset of the reading, before and after; `afters` has one value for each record where they differ.
 
     Where an effect has a part that a gain has as well, the records leave their shares open (`std` is inf); `alone` says
-    whether the model as given had to be recalibrated before any effect was added.
+    whether the model as given had to be recalibrated before any effect was added; `at_end`, whether it is at the end of
+    the range that it may have.
     """
 
     name: str
@@ -92,6 +93,7 @@ class RecalibratedNumber:
     unit: str
     afters: tuple[float, ...] = ()
     alone: bool = False
+    at_end: bool = False
 
     @property
     def is_significant(self) -> bool:
@@ -346,10 +348,11 @@ def _own_changed(search: SearchResult, open_: Uncertainty) -> tuple[Recalibrated
     spreads = np.sqrt(np.diag(open_.coordinates))[-len(own.values) :]
     known = {x.name: x for x in own_numbers(search.problem.base)}
     freed = [known[free.name] for free in own.form.free]
-    return tuple(
+    found = (
         RecalibratedNumber(x.name, x.given, after, after * float(spread), "s" if x.parameter.endswith("_s") else "1")
         for x, after, spread in zip(freed, own.values, spreads, strict=True)
     )
+    return tuple(replace(x, at_end=f.is_at_end(x.after)) for x, f in zip(found, own.form.free, strict=True))
 
 
 def _is_recalibrated(search: SearchResult, verdict: str) -> bool:

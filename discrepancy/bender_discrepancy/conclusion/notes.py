@@ -60,6 +60,7 @@ def warnings(findings: Findings) -> list[str]:
     """Return the warnings, the weightiest first."""
     found = _another_device(findings)
     found += _alternatives(findings)
+    found += _at_the_end(findings)
     found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _aliased(findings)
@@ -104,6 +105,16 @@ def _numbered(search: SearchResult) -> list[str]:
         "(untimed=True in Python): delays, lags and creep are then not looked for"
         for k, x in enumerate(search.records)
         if len(x) > 1 and np.array_equal(x.time_s - x.time_s[0], np.arange(len(x)))
+    ]
+
+
+def _at_the_end(findings: Findings) -> list[str]:
+    """Say which of the model's own numbers came to the end of what they may be."""
+    return [
+        f"{x.name} is at the end of its range, {quantity(x.after, x.unit)}: what fits best may lie beyond; "
+        "the model may be of another device, or lack what this number stands in for"
+        for x in findings.changed
+        if x.at_end
     ]
 
 

@@ -57,9 +57,16 @@ class Free:
 
     def ends_without_answer(self, value: float) -> bool:
         """Return whether a fit ended where it is no answer."""
-        at_low = value <= self.low * AT_END if self.low > 0.0 else value * AT_END <= self.low < 0.0
-        at_high = value * AT_END >= self.high
+        at_low, at_high = self._at_ends(value)
         return (at_low and self.no_answer_at in ("low", "both")) or (at_high and self.no_answer_at in ("high", "both"))
+
+    def is_at_end(self, value: float) -> bool:
+        """Return whether a value is at an end of the range, beyond which nothing was sought."""
+        return any(self._at_ends(value))
+
+    def _at_ends(self, value: float) -> tuple[bool, bool]:
+        at_low = value <= self.low * AT_END if self.low > 0.0 else value * AT_END <= self.low < 0.0
+        return at_low, value * AT_END >= self.high
 
     def times(self, factor: float) -> "Free":
         """Return the number for signals that are larger by a factor."""

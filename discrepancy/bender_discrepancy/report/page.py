@@ -141,7 +141,8 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
             {
                 "name": x.name,
                 "before": quantity(x.before, x.unit),
-                "after": ", ".join(uncertain(value, x.std, x.unit) for value in x.afters or (x.after,)),
+                "after": ", ".join(uncertain(value, x.std, x.unit) for value in x.afters or (x.after,))
+                + (", the end of its range" if x.at_end else ""),
             }
             for x in findings.recalibrated
         ],

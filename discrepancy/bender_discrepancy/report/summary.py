@@ -45,14 +45,16 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line("note", f"and {len(result['warnings']) - MOST_WARNINGS} more in report.html")
     yield from _further(result)
     yield from _rivals(result)
-    files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"]) if x)
+    profile = (result["next_experiment"] or {}).get("profile")
+    files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"], profile) if x)
     yield from _line("written", f"{out / 'report.html'}, {files}")
 
 
 def _recalibrated(findings: Findings) -> Iterator[str]:
     """Yield the model's own numbers before and after, and what ± means."""
     for x in findings.recalibrated:
-        yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
+        end = ", the end of its range" if x.at_end else ""
+        yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}{end}")
     own = findings.shares.get(OWN_NUMBERS, 0.0)
     if own > 0.0:
         yield from _line(
