@@ -61,6 +61,38 @@ def test_where_the_records_bound_either_not_nothing_is_known(
     assert _known(tmp_path, left, **told) is None
 
 
+def test_the_dead_time_of_the_model_itself_is_known_by_its_own_deviation(tmp_path: Path):
+    refitted = {"transport_delay.delay_s": {"before": 0.058, "after": 0.059, "unit": "s", "std": 3e-4}}
+    known = _known(tmp_path, 1.0, refitted=refitted)
+    assert known is not None
+    assert known.delay_error_s == pytest.approx(6e-4)
+
+
+@pytest.mark.parametrize(
+    ("left", "told", "said"),
+    [
+        (
+            1.25,
+            _visible(0.004),
+            "diagnosis.json: gap.after.nrmse_percent is 1.25, and the dead time is known to 0.004 s",
+        ),
+        (1.25, _visible(0.004) | {"recalibrated": {"gain": {"after": 0.5, "std": 0.1}}}, "recalibrated.gain 0.5 ± 0.1"),
+        (1.25, {}, "diagnosis.json does not bound the dead time"),
+        (None, _visible(0.004), "diagnosis.json does not bound the gain"),
+    ],
+)
+def test_by_which_file_and_numbers_a_device_is_known_is_said(
+    tmp_path: Path, left: float | None, told: dict[str, object], said: str
+):
+    _known(tmp_path, left, **told)
+    source = diagnosed(tmp_path / "model.toml").source
+    assert source.startswith(str(tmp_path))
+    assert said in source
+    (tmp_path / "model.toml").write_text("with a name put in")
+    assert diagnosed(tmp_path / "model.toml").source.endswith("is of another file than this one")
+    assert "no diagnosis.json" in diagnosed("paper").source
+
+
 def test_a_model_that_was_changed_since_is_not_the_one_that_was_diagnosed(tmp_path: Path):
     assert _known(tmp_path, 1.0, **_visible(0.004)) is not None
     (tmp_path / "model.toml").write_text("with a name put in")

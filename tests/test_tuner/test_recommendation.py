@@ -173,6 +173,14 @@ def test_a_word_of_the_user_stands_and_a_diagnosis_never_widens(
     assert math.isfinite(found.gain_error_percent)
 
 
+@pytest.mark.parametrize("known", [None, Known(60.0, 1e-3), Known(8.0, 1e-3)])
+def test_by_what_a_device_is_known_is_said_unless_the_user_says_all(known: Known | None):
+    found = device_of(make_settings(), known, "d/diagnosis.json: so well")
+    assert found.source.startswith("d/diagnosis.json: so well")
+    assert ("60 %" in found.source) == (known is not None and known.gain_error_percent == 60.0)
+    assert device_of(make_settings(gain_error_percent=5.0, late_frames=0), known, "d/diagnosis.json").source == ""
+
+
 def test_how_gains_that_follow_a_model_are_run_is_said():
     gains = Path("results/tune/gains.toml")
     said = how_to_follow(gains, foreign=False)

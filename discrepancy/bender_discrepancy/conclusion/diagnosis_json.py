@@ -75,6 +75,7 @@ def outcome(
             {"effects": list(x.effects), "closes": round(x.closes, 4)} for x in alternatives(search, findings.verdict)
         ],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},
+        "refitted": {x.name: _change(x) for x in findings.changed},
         "where": _where(findings),
         "gap": {
             "before": _gap(measured.before),

@@ -4,13 +4,13 @@ import hashlib
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bender_loop.tables.quantities import MICROMETRE, VOLT
 
-DIAGNOSIS, _DELAY = "diagnosis.json", "transport_delay"
+DIAGNOSIS, _DELAY, _OWN_DELAY = "diagnosis.json", "transport_delay", "transport_delay.delay_s"
 _SPREAD = math.sqrt(12.0)
 """A motion that is spread evenly over its span has a standard deviation of this part of it."""
 _DEVIATIONS = 2.0
@@ -59,6 +59,7 @@ class Diagnosed:
         known: how well the device is known by its records; None where they do not bound gain and dead time both, or
             the model is no longer as it was written.
         vouched_for: the model is as the diagnosis left it.
+        source: by which file and which numbers the device is known so well, or why it is not, in words.
     """
 
     rms_um: float = 0.0
@@ -67,6 +68,7 @@ class Diagnosed:
     known: Known | None = None
     vouched_for: bool = False
     unlikely: tuple[str, ...] = ()
+    source: str = field(default=f"no {DIAGNOSIS} beside the model says more", compare=False)
 
     def with_fmus_of(self, fmu_of: Callable[[Path], Path]) -> "Diagnosed":
         """Return the same with FMUs that `fmu_of` makes of the files of the rivals."""
@@ -91,7 +93,8 @@ def diagnosed(model: Path | str | None) -> Diagnosed:
         unlikely = tuple(x.name for x, likely in open_ if likely < LEAST_PROBABILITY)
         vouched_for = _is_as_written(Path(model), told)
         known = _known(told) if vouched_for else None
-        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, known, vouched_for, unlikely)
+        source = f"{folder / DIAGNOSIS}{_source(told, known, vouched_for=vouched_for)}"
+        return Diagnosed(float(told["gap"]["after"]["rms"]), units, rivals, known, vouched_for, unlikely, source)
     except (OSError, ValueError, LookupError, TypeError):
         return NOTHING
 
@@ -109,6 +112,26 @@ def _known(told: dict[str, Any]) -> Known | None:
     return Known(max(_gain_error_percent(float(left), told), LEAST_GAIN_ERROR_PERCENT), delay_s)
 
 
+def _source(told: dict[str, Any], known: Known | None, *, vouched_for: bool) -> str:
+    """Return what a diagnosis says of gain and dead time, or which of them it does not bound, behind its name."""
+    if not vouched_for:
+        return " is of another file than this one"
+    left, gain = told["gap"]["after"].get("nrmse_percent"), told.get("recalibrated", {}).get("gain")
+    if left is None:
+        return " does not bound the gain: gap.after.nrmse_percent is null"
+    if known is None:
+        return (
+            " does not bound the dead time: no interval of transport_delay stands in effects, refitted or "
+            "smallest_visible"
+        )
+    said = f": gap.after.nrmse_percent is {left:.3g}"
+    if gain and gain.get("std") and gain.get("after"):
+        said += f", recalibrated.gain {gain['after']:.4g} ± {gain['std']:.2g}"
+    least = f"; a gain is taken as known to {LEAST_GAIN_ERROR_PERCENT:g} % at best"
+    told = f"{said}, and the dead time is known to {known.delay_error_s:.2g} s"
+    return told + (least if known.gain_error_percent == LEAST_GAIN_ERROR_PERCENT else "")
+
+
 def _gain_error_percent(left_percent: float, told: dict[str, Any]) -> float:
     """Return the error of the gain that would leave twice of what the model leaves on held-out rows, noise included.
 
@@ -123,11 +146,14 @@ def _gain_error_percent(left_percent: float, told: dict[str, Any]) -> float:
 
 
 def _delay_error_s(told: dict[str, Any]) -> float | None:
-    """Return half the interval of a dead time that was found, or the shortest that would have been seen."""
+    """Return half the interval of a dead time that was found or fitted again, or the shortest that would have shown."""
     for effect in told.get("effects", ()):
         if effect["id"] == _DELAY:
             low_s, high_s = effect["parameters"]["delay_s"]["interval_95"]
             return 0.5 * (float(high_s) - float(low_s))
+    own = told.get("refitted", {}).get(_OWN_DELAY)
+    if own and own.get("std") is not None:
+        return _DEVIATIONS * float(own["std"])
     visible = told.get("smallest_visible", {}).get(_DELAY)
     return None if not visible or visible["value"] is None else float(visible["value"])
 

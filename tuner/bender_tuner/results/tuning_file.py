@@ -29,7 +29,7 @@ from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
 from bender_tuner.task.recommendation import Recommendation
 from bender_tuner.task.tuning import SearchResult
 
-_NOT_OF_THE_FILE = "parameters", "quantities", "model_rms_um", "known", "unlikely_rivals"
+_NOT_OF_THE_FILE = "parameters", "quantities", "model_rms_um", "known", "known_by", "unlikely_rivals"
 _DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy")
 
 
@@ -46,6 +46,7 @@ class FmuFacts:
         units: the units of both in sentences and pictures: "V" and "um", or those that the FMU declares.
         model_rms_um: its residual on held-out rows, from the diagnosis beside it; 0 without a diagnosis.
         known: how well it bounds the device; None where it does not.
+        known_by: by which file and which numbers, or why not.
         unlikely_rivals: models that it leaves open, but for which no gains need hold.
     """
 
@@ -62,6 +63,7 @@ class FmuFacts:
     units: tuple[str, str] = (VOLT, MICROMETRE)
     model_rms_um: float = 0.0
     known: Known | None = None
+    known_by: str = ""
     unlikely_rivals: tuple[str, ...] = ()
 
 

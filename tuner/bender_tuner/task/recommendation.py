@@ -42,11 +42,15 @@ RUNS_AWAY = _REFUSAL + "it runs away on a device that is off by as much as the g
 
 
 class Device(NamedTuple):
-    """How far a device may be from its model: its gain in per cent, its frames; as its diagnosis says, or settings."""
+    """How far a device may be from its model: its gain in per cent, its frames; as its diagnosis says, or settings.
+
+    `source` says by which file and numbers it is known, or why not; empty where a user has said both.
+    """
 
     gain_error_percent: float
     late_frames: int
     by_diagnosis: bool
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +94,7 @@ def recommend(
     known: Known | None,
     report: Report,
     doubted: Sequence[Rival] = (),
+    known_by: str = "",
 ) -> Recommendation | None:
     """Tune shaper and horizon with the gains as they are, and recommend them where the block alone is no better.
 
@@ -105,6 +110,7 @@ def recommend(
         known: how well the diagnosis of the model bounds the device; None where it does not.
         report: is told how far the work is.
         doubted: devices without an effect that nothing vouches for, named after what they are without.
+        known_by: by which file and numbers it bounds the device, or why not.
 
     Raises:
         RunError: the plant failed.
@@ -113,7 +119,7 @@ def recommend(
     if gains is None:
         return None
     settings = problem.settings
-    device = device_of(settings, known)
+    device = device_of(settings, known, known_by)
     judge = problem.practitioner
     if device.by_diagnosis:
         judge = as_known(problem, device.gain_error_percent, device.late_frames)
@@ -153,14 +159,19 @@ def recommend(
     )
 
 
-def device_of(settings: TuneSettings, known: Known | None) -> Device:
+def device_of(settings: TuneSettings, known: Known | None, known_by: str = "") -> Device:
     """Return how far a device may be off; a user's word stands, for the rest the diagnosis, or what nobody knows."""
     percent, late = settings.gain_error_percent, settings.late_frames
     usual = Device(GAIN_ERROR_PERCENT if percent is None else percent, LATE_FRAMES if late is None else late, False)
-    if known is None or known.gain_error_percent >= GAIN_ERROR_PERCENT or None not in (percent, late):
+    if None not in (percent, late):
         return usual
+    if known is None:
+        return usual._replace(source=known_by)
+    if known.gain_error_percent >= GAIN_ERROR_PERCENT:
+        return usual._replace(source=f"{known_by}: it leaves the gain open by {known.gain_error_percent:.3g} %")
     frames = min(LATE_FRAMES, math.floor(known.delay_error_s * settings.rate_Hz + 0.5))
-    return Device(known.gain_error_percent if percent is None else percent, frames if late is None else late, True)
+    percent = known.gain_error_percent if percent is None else percent
+    return Device(percent, frames if late is None else late, True, known_by)
 
 
 def _scored(judge: PractitionerObjective, gains: Gains, following: Following, doubts: Sequence[Doubt]) -> Scored:
@@ -229,7 +240,10 @@ def _judged(device: Device) -> str:
     percent, late = device.gain_error_percent, device.late_frames
     if device.by_diagnosis:
         frames = f"a frame {late} late" if late else "frames in time"
-        return f"judged with a gain that is off by {percent:.3g} % and {frames}, as the diagnosis of the model has it"
+        told = f"judged with a gain that is off by {percent:.3g} % and {frames}, as the diagnosis of the model has it"
+        return f"{told} ({device.source})" if device.source else told
     causes = [f"a gain that is off by {percent:.3g} % (--gain-error)"] if percent else []
     causes += [f"a frame that comes {late} late (--late-frames; 0 where one clock times the loop)"] if late else []
-    return f"judged with {' and '.join(causes)}" if causes else ""
+    if not causes:
+        return ""
+    return f"judged with {' and '.join(causes)}{f', for {device.source}' if device.source else ''}"

@@ -277,7 +277,13 @@ def open_guarded(
         told = replace(facts, start_values=values, units=units)
         yield (
             GuardedPlant(fmu, interrupts),
-            replace(told, model_rms_um=found.rms_um, known=found.known, unlikely_rivals=found.unlikely),
+            replace(
+                told,
+                model_rms_um=found.rms_um,
+                known=found.known,
+                known_by=found.source,
+                unlikely_rivals=found.unlikely,
+            ),
         )
 
 
@@ -414,7 +420,7 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         facts.quantities,
     )
     model = replace(model, fmu=MODEL, rms_um=facts.model_rms_um)
-    found = recommend(session.problem, session.contenders, model, path, facts.known, report, doubted)
+    found = recommend(session.problem, session.contenders, model, path, facts.known, report, doubted, facts.known_by)
     session.recommendation = found
     gains = session.contenders[0].gains
     if found is not None and found.following is not None:
