@@ -85,11 +85,12 @@ def unit_definitions(table: Sequence[Row]) -> Element:
     """Return the units of a table of variables, as FMI 2.0 and 3.0 write them."""
     definitions = Element("UnitDefinitions")
     for name in sorted({row.unit for row in table}):
-        definitions.append(_unit_element(name))
+        definitions.append(unit_element(name))
     return definitions
 
 
-def _unit_element(name: str) -> Element:
+def unit_element(name: str) -> Element:
+    """Return a unit as FMI 2.0 and 3.0 write it."""
     unit = _known(name)
     if unit is None:
         return Element("Unit", name=name)

@@ -19,6 +19,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from bender_export.archive import packed, unpacked
 from bender_export.assembly import stop_time_s
+from bender_export.description import unit_element
 from bender_export.origin import generation_date
 from bender_export.slaves.shell import Row
 from bender_export.slaves.stage import StagesBefore, StagesBehind, beside_table, stage_table
@@ -75,6 +76,7 @@ class Corrected:
         further: what stands behind further outputs; their parameters are `behind_2.…` and so on.
         inside: a model of the original with what acts inside it, V to um, and one without; None for none. What the
             first shows more than the second is added to the output of the original.
+        units: by variable, those in which inputs and outputs are taken for which the original declares none.
     """
 
     original: Path
@@ -88,6 +90,7 @@ class Corrected:
     open: tuple[str, ...] = ()
     further: tuple[Behind, ...] = ()
     inside: tuple[Model, Model] | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def is_at_hand() -> bool:
@@ -305,26 +308,27 @@ def _described(entries: Mapping[str, bytes], original: Element, corrected: Corre
         "copyright": "those of its parts",
         "generationDateAndTime": generation_date(),
     }
-    _with_units(root, original)
+    _with_units(root, original, corrected.units)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
-def _with_units(root: Element, original: Element) -> None:
-    """Give inputs and outputs the units that they have in the original."""
+def _with_units(root: Element, original: Element, taken: Mapping[str, str]) -> None:
+    """Give inputs and outputs the units that they have in the original, or else are taken in."""
     known = {x.get("name"): x for x in original.iterfind("UnitDefinitions/Unit")}
-    units: dict[str, str] = {}
+    units = dict(taken)
     for variable in original.find("ModelVariables") or ():
         number = variable.find("Real") if variable.tag == "ScalarVariable" else variable
         unit = None if number is None else number.get("unit")
-        if unit is not None and variable.get("causality") in ("input", "output"):
+        if unit and variable.get("causality") in ("input", "output"):
             units[variable.attrib["name"]] = unit
     if not units:
         return
     listed = Element("UnitDefinitions")
     for unit in sorted(set(units.values())):
         entry = SubElement(listed, "Unit", name=unit)
-        base = known[unit].find("BaseUnit") if unit in known else None
+        declared = known[unit] if unit in known else unit_element(unit)
+        base = declared.find("BaseUnit")
         if base is not None:
             SubElement(entry, "BaseUnit", base.attrib)
     root.insert(1, listed)

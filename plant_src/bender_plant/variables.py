@@ -1,6 +1,6 @@
 """The table of FMI variables: one list from which the FMU, its documentation and the checks are made."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from bender_plant.blocks import BLOCKS
@@ -54,9 +54,19 @@ def _parameters(settings: Any, prefix: str, about: str) -> list[Variable]:
     return found
 
 
+def _of_the_records(signal: Variable, model: Model) -> Variable:
+    """Return a signal with what its unit stands for where the model was learned from records in others."""
+    if model.origin is None:
+        return signal
+    usual, unit = ("V", model.origin.command_unit) if signal.causality == "input" else ("um", model.origin.reading_unit)
+    if unit in ("", usual):
+        return signal
+    return replace(signal, description=f"{signal.description}; 1 {usual} stands for 1 {unit} of the records")
+
+
 def variables(model: Model) -> tuple[Variable, ...]:
     """Return every variable of the plant FMU of a model: signals first, then parameters in chain order."""
-    found = list(SIGNALS)
+    found = [_of_the_records(x, model) for x in SIGNALS]
     if model.beam is not None:
         found += _parameters(model.beam, "beam", "Composite beam")
         for k, layer in enumerate(model.beam.layers):

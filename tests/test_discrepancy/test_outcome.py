@@ -478,6 +478,16 @@ def test_a_command_that_distinguishes_nothing_is_not_written(ambiguous: Findings
     )
 
 
+def test_what_the_corrected_fmu_has_for_other_quantities_is_said(ambiguous: Findings, tmp_path: Path):
+    measured = measure(ambiguous.search, ambiguous.model, ambiguous.calibration, tmp_path / "model.fmu")
+    result = outcome(ambiguous, measured)
+    printed = [
+        " ".join(" ".join(summary(ambiguous, measured, result | units, tmp_path)).split())
+        for units in ({}, {"input_unit": "W", "unit": "K"})
+    ]
+    assert ["takes 1 V for 1 W and gives 1 µm for 1 K" in x for x in printed] == [False, True]
+
+
 def test_a_verdict_that_is_not_open_leaves_none(ambiguous: Findings):
     search = ambiguous.search
     named = replace(search, verdict=replace(search.verdict, word="named"))

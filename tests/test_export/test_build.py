@@ -28,6 +28,7 @@ from bender_native.description import fmi3_description
 from bender_plant.model import Model, ModelError, load_model, model_from_table
 from bender_plant.origin import Origin
 from bender_plant.valid_range import ValidRange
+from bender_plant.variables import variables
 from bender_tuner.results.gains_file import write_gains
 
 
@@ -235,6 +236,14 @@ def test_the_date_is_that_of_the_day_or_the_one_that_is_asked_for(monkeypatch: p
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: found 'yesterday', expected a whole number of seconds"):
         generation_date()
+
+
+def test_what_a_volt_and_a_micrometre_stand_for_is_said(oven: Model) -> None:
+    command, reading = ORIGIN.command_unit, ORIGIN.reading_unit
+    told = {x.name: x.description for x in variables(oven)}
+    assert f"1 V stands for 1 {command} of the records" in told["voltage"]
+    assert f"1 um stands for 1 {reading} of the records" in told["displacement"]
+    assert not any("stands for" in x.description for x in variables(load_model("beam")))
 
 
 def test_the_model_file_carries_its_origin(oven: Model) -> None:

@@ -3,7 +3,9 @@
 import hashlib
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +13,13 @@ from few import few_rows
 from fmu_hosts import IMPORTERS, hosted, largest_difference
 from foreign_fmus import arm_fmu, foreign_fmu, needs_compiler
 
+from bender_discrepancy.foreign.container_stages import Original
 from bender_export.archive import unpacked
 from bender_export.slaves.stage import StagesBefore, StagesBehind
 from bender_loop.fmu.check.check import check
+from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.tables.quantities import of_input_and_output
 from bender_native.build import Way, native_stage_fmu
 from bender_native.compilers import own_platform
 from bender_native.container import Corrected, container_fmu, corrected_system, parameter_values, parameters_of
@@ -98,6 +103,24 @@ def expected_mm(corrected: Corrected) -> list[float]:
             if k % parts == parts - 1:
                 found.append(1e-3 * (shown_um + REST_um))
     return found
+
+
+def test_units_that_the_original_does_not_declare_are_those_that_it_is_taken_in(
+    corrected: Corrected, tmp_path: Path
+) -> None:
+    path = foreign_fmu(tmp_path / "bare.fmu", input_unit="", output_unit="")
+    with FmuPlant(path, quantities=of_input_and_output("W,K")) as plant:
+        original = Original(path, plant.input, plant.output, {}, 0.0, of_input_and_output("W,K"))
+    assert list(original.taken_units.values()) == ["W", "K"]
+    target = own_platform()
+    assert target is not None
+    bare = replace(corrected, original=path, input=original.input, output=original.output, start_values={})
+    made = tmp_path / "Corrected.fmu"
+    made.write_bytes(container_fmu(replace(bare, units=original.taken_units), Way(2, (target,))))
+    with FmuPlant(made, quantities=of_input_and_output("W,K")) as plant:
+        assert (plant.input.unit, plant.output.unit) == ("W", "K")
+    units: dict[str, Any] = {x.name: x.baseUnit for x in read_description(made).unitDefinitions}
+    assert (units["W"].kg, units["K"].K) == (1, 1)
 
 
 def test_it_equals_the_prediction_in_fmpy(fmu: Path, expected_mm: list[float]) -> None:

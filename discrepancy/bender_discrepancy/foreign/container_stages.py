@@ -61,6 +61,12 @@ class Original:
     quantities: Quantities = USUAL
 
     @property
+    def taken_units(self) -> dict[str, str]:
+        """By variable, the units of the record in which its input and output are taken where it declares none."""
+        stated = zip((self.input, self.output), self.quantities.stated, strict=True)
+        return {port.name: unit for port, unit in stated if unit and not port.unit}
+
+    @property
     def parts(self) -> int:
         """Inner steps between two rows that it is given."""
         with zipfile.ZipFile(self.path) as archive:

@@ -136,7 +136,7 @@ def _around(search: SearchResult, model: Model, original: Original) -> tuple[Cor
     step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
     return Corrected(
         original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s,
-        original.start_values, inside=stages.inside,
+        original.start_values, inside=stages.inside, units=original.taken_units,
     ), stages  # fmt: skip
 
 

@@ -424,9 +424,11 @@ def _corrected(
     first, *others = outputs
     further = [(x, behind[x.name].stages) for x in others]
     original = first.original
+    units = {name: unit for x in outputs for name, unit in x.original.taken_units.items()}
     return Corrected(
         original.path, original.input, original.output, before.stages, behind[first.name].stages, original.rest, step_s,
         original.start_values, further=tuple(Behind(x.original.output, y, x.original.rest) for x, y in further if y),
+        units=units,
     )  # fmt: skip
 
 

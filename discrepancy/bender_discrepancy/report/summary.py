@@ -13,7 +13,7 @@ from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
-from bender_report.wording import chance, fields, figure, listed, percent, quantity, uncertain
+from bender_report.wording import chance, fields, figure, listed, percent, quantity, uncertain, unit_text
 
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4
@@ -45,6 +45,7 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line("note", f"and {len(result['warnings']) - MOST_WARNINGS} more in report.html")
     yield from _further(result)
     yield from _rivals(result)
+    yield from _units(result)
     profile = (result["next_experiment"] or {}).get("profile")
     files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"], profile) if x)
     yield from _line("written", f"{out / 'report.html'}, {files}")
@@ -77,6 +78,14 @@ def _rivals(result: dict[str, Any]) -> Iterator[str]:
     told = [f"{x['model']} has {listed(x['effects']) or 'no effect'}" for x in result.get("rival_models", ())]
     if told:
         yield from _line("rivals", f"{'; '.join(told)}; the FMU of each lies beside it")
+
+
+def _units(result: dict[str, Any]) -> Iterator[str]:
+    """Yield what volts and metres of the corrected FMU stand for, where the record has neither."""
+    pairs = ("takes", "V", result.get("input_unit", "V")), ("gives", "um", result.get("unit", "um"))
+    told = [f"{verb} 1 {unit_text(usual)} for 1 {unit_text(own)}" for verb, usual, own in pairs if own != usual]
+    if told and result["fmu"] and "foreign_model" not in result:
+        yield from _line("units", f"{result['fmu']} {' and '.join(told)} of the records")
 
 
 def _heading(entry: dict[str, Any], verdict: str) -> str:
