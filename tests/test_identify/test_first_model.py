@@ -20,7 +20,14 @@ from bender_identify.first_model.excerpt import MOST_ROWS, excerpts
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
 from bender_identify.first_model.frequency_start import frequency_starts, rational, response
 from bender_identify.first_model.linear_structures import linear_structures
-from bender_identify.first_model.report import choice_sentence, doubt_sentence, explained_share, numbers, sentences
+from bender_identify.first_model.report import (
+    choice_sentence,
+    doubt_sentence,
+    explained_share,
+    numbers,
+    quick_sentence,
+    sentences,
+)
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
@@ -95,6 +102,15 @@ def test_a_mode_without_delay_is_found():
     found = found_in(record_of([omega**2], [1.0, 2.0 * zeta * omega, omega**2], 0, 0.1))
     assert found.chosen.structure == Structure(modes=1)
     assert found.chosen.values == pytest.approx((3.0, 0.08), rel=0.02)
+
+
+@pytest.mark.parametrize("only", [Structure(modes=1), Structure(lags=1)])
+@pytest.mark.parametrize(("share_of_rate", "is_said"), [(0.4, True), (0.1, False)])
+def test_a_mode_too_fast_for_the_rows_is_said(only: Structure, share_of_rate: float, is_said: bool):
+    omega = 2.0 * math.pi * share_of_rate / ROW_S
+    record = record_of([omega**2], [1.0, 0.04 * omega, omega**2], 0, 0.02, rows=600)
+    found = first_model([experiment_of(record, "record", Settings())], only=only)
+    assert ("rows at" in quick_sentence(found)) is is_said
 
 
 def test_a_gain_stays_a_gain():

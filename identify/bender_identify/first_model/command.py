@@ -134,6 +134,7 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
         choice_sentence,
         columns,
         doubt_sentence,
+        quick_sentence,
         rms_sentence,
         sentences,
         table,
@@ -155,5 +156,6 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
             f"{written[1]} has {' and '.join(stands)} of the record; `bender diagnose --model {written[0]}` reads the "
             "model in the units of the record"
         )
-    if doubt := doubt_sentence(found):
-        remark(doubt)
+    for doubt in (doubt_sentence(found), quick_sentence(found)):
+        if doubt:
+            remark(doubt)

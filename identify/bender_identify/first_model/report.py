@@ -18,6 +18,8 @@ from bender_report.wording import shown_in, unit_name, unit_text
 FIRST_LINE = 2
 """Of the file in which row 0 stands."""
 COURSES = {"linear": "straight", "smooth": "band-limited"}
+SURE = 4.0
+"""Standard deviations beyond which a correlation is no chance."""
 HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
 FOLLOWS = 0.5
@@ -187,6 +189,44 @@ def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
         f"against {best.held_out_rms:.4g} of {best.fit.structure.name}: {written}, for a diagnosis to name what "
         "makes the loop"
     )
+
+
+def quick_sentence(found: FirstModel) -> str:
+    """Return what rings too fast for the rows to resolve, in the model or in what it leaves; "" where nothing does.
+
+    A residual of which two rows in turn have opposite signs, on the whole, swings at more than a quarter of the rate of
+    the rows.
+    """
+    rate_Hz = min(1.0 / float(np.median(np.diff(x.time_s))) for x in found.task.experiments)
+    quarter_Hz = rate_Hz / 4.0
+    modes_Hz = [x["value"] for x in numbers(found) if x["unit"] == "Hz" and x["value"] > quarter_Hz]
+    if modes_Hz:
+        alike = ", ".join(f"{x:.4g} Hz like one of {abs(rate_Hz - x):.4g} or {rate_Hz + x:.4g} Hz" for x in modes_Hz)
+        return (
+            f"rows at {rate_Hz:.4g} Hz hardly resolve a mode above {quarter_Hz:.3g} Hz: they show one of {alike}; a "
+            "record with more rows a second tells them apart"
+        )
+    turn, rows = _from_row_to_row(found)
+    if turn > -SURE / math.sqrt(max(rows, 1)):
+        return ""
+    return (
+        f"what the model leaves alternates from row to row (correlation {turn:.2f}): something swings faster than "
+        f"{quarter_Hz:.3g} Hz, which rows at {rate_Hz:.4g} Hz do not resolve; record more rows a second"
+    )
+
+
+def _from_row_to_row(found: FirstModel) -> tuple[float, int]:
+    """Return how what the model leaves correlates from one row to the next, and of how many rows that is."""
+    products, squares, rows = 0.0, 0.0, 0
+    for r, x in zip(found.chosen.residuals, found.task.experiments, strict=True):
+        counted = x.fitted | x.held_out
+        if counted.size != r.size:
+            return 0.0, 0
+        both = counted[1:] & counted[:-1]
+        products += float(r[1:][both] @ r[:-1][both])
+        squares += float(np.sum(r[counted] ** 2))
+        rows += int(both.sum())
+    return (products / squares if squares > 0.0 else 0.0), rows
 
 
 def explained_share(found: FirstModel) -> float:
