@@ -29,7 +29,7 @@ from bender_discrepancy.search.judgement.rules import (
     ended_without_answer,
     is_special_case,
 )
-from bender_discrepancy.search.noise import floor_square_um2
+from bender_discrepancy.search.noise import floor_limit, floor_square_um2
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -155,20 +155,21 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
         is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
         if not is_left or rules.is_relevant(archive, x.without):
             continue
-        is_rest = len(grades.effects) == 1 or rules.closed_share(archive, x.without, searched.best) >= rules.closes
+        is_rest = rules.closed_share(archive, x.without, searched.best) >= rules.closes
         is_rest = is_rest or _takes_all_structure(archive, rules, x.without, searched.best)
-        if not is_rest or _is_shown_once(archive, x.without):
+        if not is_rest or _is_shown_once(archive, rules, x.without):
             return relevant_part(replace(searched, best=x.without), rules)
     return searched
 
 
-def _is_shown_once(archive: Archive, without: Fitted) -> bool:
-    """Return whether a hypothesis without an effect leaves noise of all blocks but one.
+def _is_shown_once(archive: Archive, rules: Rules, without: Fitted) -> bool:
+    """Return whether a hypothesis without an effect, fitted to all blocks but one, leaves noise of these.
 
-    A form that is not nature's can stand in for whatever happened there.
+    What happens once may be an accident, and many a form can stand in for it.
     """
-    square = least_beside_a_block(archive.problem, without)
-    return square <= floor_square_um2(archive.problem, archive.noise_um)
+    problem = archive.problem
+    most = floor_limit(problem, rules.confidence, judged=False) * floor_square_um2(problem, archive.noise_um)
+    return least_beside_a_block(problem, without) <= most
 
 
 def _takes_all_structure(archive: Archive, rules: Rules, without: Fitted, fitted: Fitted) -> bool:
@@ -217,6 +218,7 @@ def _graded(
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
     is_certain = is_certain and not _interval_reaches_no_answer(archive, best, index)
+    is_certain = is_certain and not _is_shown_once(archive, rules, without)
     if part.form.shown:
         is_certain, likely = True, 1.0
     word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
