@@ -165,6 +165,10 @@ class BenchFile:
         """A file that the bench file names: relative names count from where the bench file lies."""
         return Path(name) if self.path is None else self.path.parent / name
 
+    def calibration_of_readings(self) -> Calibration | SensorCalibration | None:
+        """What readings are worth, of the camera or of the sensor; None of a sensor that gives a length. InputError."""
+        return self.load_calibration() if self.sensor is None else self.load_sensor_calibration()
+
     def load_sensor_calibration(self) -> SensorCalibration | None:
         """What the sensor's unit is worth; None where it is a length, or where the sensor is the camera. InputError."""
         if self.sensor is None:

@@ -81,6 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise InputError(f"--{str(error).replace('_', '-', 1)}") from None
     bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
+    bench.calibration_of_readings()
     model = read_model(arguments.model)
     given = tuple(read_record(path) for path in arguments.record or ())
     old = _gains(arguments, bench)

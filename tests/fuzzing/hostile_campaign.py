@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bender_loop.fmu.process.watched import NATIVE_CODE
 from fuzzing.hostile_words import Sound, made_case
 from fuzzing.program import installed
 
@@ -125,7 +126,9 @@ class _Running:
         if status == 1:
             tally.failed.append(f"{about}: {said.strip()[-200:]}")
         # a machine that is slow tells its progress beside the sentence
-        sentences = [line for line in said.splitlines() if line and not _PROGRESS.fullmatch(line)]
+        sentences = [
+            line for line in said.splitlines() if line and not _PROGRESS.fullmatch(line) and line != NATIVE_CODE
+        ]
         if self.seconds == 0.0:
             tally.hangs.append(f"{about}: no end; it said last: {said.strip().rpartition(chr(10))[2][-100:]}")
         elif status not in _STATUSES | ({ALARMED} if self.words[0] == "watch" else set()) or any(
@@ -140,7 +143,8 @@ class _Running:
         kept = {"said.txt", "printed.txt", *asked, *(f"work/{x}" for x in asked)}
         new = sorted(_listed(self.folder) - self.before - kept)
         # locks of a bench stay: whoever comes next takes them
-        scraps = [x for x in new if x.endswith(".tmp") or (x.startswith("temporary/") and "/bender-hil-" not in x)]
+        new = [x for x in new if not x.startswith("temporary/bender-hil-")]
+        scraps = [x for x in new if x.endswith(".tmp") or x.startswith("temporary/")]
         if self.seconds and (scraps or (status == BAD_INPUT and new)):
             tally.left.append(f"{about}: left {', '.join(new[:5])}")
 

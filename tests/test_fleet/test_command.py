@@ -4,6 +4,7 @@ import base64
 import hashlib
 import importlib.util
 import json
+import os
 import re
 import socket
 from importlib.machinery import ModuleSpec
@@ -390,6 +391,15 @@ def test_a_key_follows_content_and_settings_and_not_the_path(tmp_path: Path) -> 
     (tmp_path / "a").write_text(ROWS + "2,2,2\n", encoding="utf-8")
     assert key_of([str(tmp_path / "a")], {"m": 1}) != same[0]
     assert key_of([str(tmp_path / "gone")], {"m": 1}) not in same
+
+
+@pytest.mark.skipif(os.name == "nt", reason="devices of POSIX")
+@pytest.mark.parametrize("what", ["/dev/zero", "pipe"])
+def test_a_record_that_has_no_end_counts_as_missing(tmp_path: Path, what: str) -> None:
+    place = tmp_path / what
+    if what == "pipe":
+        os.mkfifo(place)
+    assert key_of([str(place)], {}) == key_of([str(tmp_path / "gone")], {})
 
 
 @given(st.lists(st.text(min_size=1, max_size=120), min_size=2, max_size=20, unique=True))

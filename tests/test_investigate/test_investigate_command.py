@@ -35,6 +35,16 @@ def test_bad_words_end_in_one_line_and_write_nothing(tmp_path, capsys, words, sa
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_sensor_without_a_length_is_refused_before_anything_is_written(tmp_path, capsys):
+    sensor = '[sensor]\nkind = "text"\nresource = "TCPIP::127.0.0.1::10::SOCKET"\nunit = "furlong"\n'
+    supply = '[supply]\nresource = "TCPIP::127.0.0.1::9::SOCKET"\nmodel = "9115"\n'
+    (tmp_path / "bench.toml").write_text(supply + sensor)
+    words = ["--bench", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "out")]
+    assert main(["investigate", *words]) == 2
+    assert "the sensor gives furlong, which is no length" in capsys.readouterr().err
+    assert [x.name for x in tmp_path.iterdir()] == ["bench.toml"]
+
+
 def test_an_earlier_investigation_is_not_written_over(tmp_path, capsys):
     (tmp_path / JOURNAL).write_text("")
     assert main(["investigate", "--out", str(tmp_path)]) == 2

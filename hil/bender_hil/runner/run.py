@@ -128,7 +128,7 @@ def run(
         Interrupted: a signal came before the supply was armed; nothing is written.
         OutputUnknownError: and it could not be confirmed off.
     """
-    calibration = bench.load_calibration() if bench.sensor is None else bench.load_sensor_calibration()
+    calibration = bench.calibration_of_readings()
     path = _plant(bench, fmu)
     unwritten: list[str] = []
     with run_directory(out) as folder, contextlib.ExitStack() as ends:
