@@ -249,6 +249,17 @@ def test_what_one_block_alone_shows_of_a_part_that_nobody_would_miss_is_left_out
     assert found.sentence.endswith("what is left is below 0.5 % of the stroke (--relevant).")
 
 
+def test_a_disturbance_is_found_beside_a_command_of_slow_sines() -> None:
+    """So slow that there is an overtone of them within the resolution of the record at every frequency."""
+    time_s, rng = 0.07 * np.arange(320.0), np.random.default_rng(3)
+    sines = [a * np.sin(2.0 * np.pi * f * time_s) for a, f in ((9.0, 0.1), (6.0, 0.21), (4.0, 0.3))]
+    volts = 20.0 + np.sum(sines, axis=0)
+    readings_um = 0.5 * np.concatenate([volts[:1], volts[:-1]]) + 0.3 * np.sin(4.2 * time_s + 1.0)
+    table = {"format": 1, "name": "gain", "block": [{"id": "linear_transduction", "sensitivity_um_per_V": 0.5}]}
+    found = diagnose(model_from_table(table), [Record(time_s, volts, readings_um + 0.02 * rng.normal(size=320))])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["periodic_disturbance"])
+
+
 def test_two_effects_of_which_each_is_missed_both_stay() -> None:
     effects = {**LAGGING, "periodic_disturbance": {"sine_um": 2.0, "cosine_um": 0.0, "frequency_Hz": 1.3}}
     record = record_of(effects=effects)

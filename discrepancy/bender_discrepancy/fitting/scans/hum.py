@@ -53,11 +53,16 @@ def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[fl
 
 
 def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:
-    """Return which frequencies are lines of the command, overtones or aliases of these: none is a disturbance."""
+    """Return which frequencies are lines of the command, overtones or aliases of these: none is a disturbance.
+
+    The overtones of a line count where there is as much room between them as they take: else they would be everywhere.
+    """
     own = np.zeros(frequencies.size, dtype=bool)
     apart_Hz = LINES_APART / float(np.ptp(x.time_s))
     rate_Hz = 1.0 / float(np.median(np.diff(x.time_s)))
     for line_Hz in command_lines_Hz(x.time_s, x.command_V):
+        highest = np.inf if line_Hz > 4.0 * apart_Hz else 1.0
         for seen_Hz in (frequencies, np.abs(frequencies - rate_Hz * np.round(frequencies / rate_Hz))):
-            own |= np.abs(seen_Hz - line_Hz * np.maximum(1.0, np.round(seen_Hz / line_Hz))) < apart_Hz
+            overtone = np.clip(np.round(seen_Hz / line_Hz), 1.0, highest)
+            own |= np.abs(seen_Hz - line_Hz * overtone) < apart_Hz
     return own
