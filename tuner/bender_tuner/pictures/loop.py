@@ -107,9 +107,11 @@ def _draw_plant(panels: dict[str, "Axes"], responses: Sensitivities, plant: Dela
     model = plant.model
     response = model.frequency_response(2.0 * math.pi * responses.frequency_Hz)
     size = np.abs(response)
-    above.loglog(responses.frequency_Hz, size, color=_PLANT, lw=2.0)
     if float(size.max()) < _FLAT * float(size.min()):
+        # before the curve: matplotlib finds no limits of its own for one that is flat to the last digit
+        above.set_yscale("log")
         above.set_ylim(0.5 * float(size.min()), 2.0 * float(size.max()))
+    above.loglog(responses.frequency_Hz, size, color=_PLANT, lw=2.0)
     phase_deg = np.degrees(np.unwrap(np.angle(response)))
     panels["phase"].semilogx(responses.frequency_Hz, phase_deg, color=_PLANT, lw=1.4, zorder=4)
     steps = model.step_response(model.pulse_um_per_V.size + 1)
