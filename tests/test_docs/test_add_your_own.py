@@ -6,10 +6,13 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from bender_hil.supply.dialect import NEEDED, Dialect
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "add-your-own.md").read_text(encoding="utf-8")
@@ -47,7 +50,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def python(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(site)}
+    paths = os.pathsep.join(filter(None, (str(site), os.environ.get("PYTHONPATH"))))
+    environment = os.environ | {"PYTHONPATH": paths}
     command = [sys.executable, *words]
     return subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=False)
 
@@ -100,6 +104,24 @@ def test_an_own_supply_is_known_to_a_bench(site: Path, tmp_path: Path):
     done = python(site, tmp_path, "-c", script)
     assert done.stdout.strip() == "CURR:LEV {}", done.stderr
     assert "PSU30" in python(tmp_path, tmp_path, "-c", script).stderr.splitlines()[-1]
+
+
+def test_a_fault_of_the_program_names_the_package_of_an_own_supply(site: Path, tmp_path: Path):
+    script = (
+        "from bender_hil.sources.kinds import where_to_mend; from bender_hil.supply.select import SupplySettings;"
+        "print(*(where_to_mend(SupplySettings('ASRL1::INSTR', model)) for model in ('PSU30', '9115')), sep='\\n')"
+    )
+    done = python(site, tmp_path, "-c", script)
+    own, ours = done.stdout.splitlines()
+    assert "PSU30 of the package my_bench" in own, done.stderr
+    assert "report" in ours
+
+
+def test_the_optional_words_of_a_supply_are_those_that_the_page_calls_optional():
+    rows = re.findall(r"^\| (`.*?) \|.*\| (.*) \|$", PAGE, re.MULTILINE)
+    optional = {field for names, told in rows if "or `None`" in told for field in re.findall(r"`(\w+)`", names)}
+    known = {field.name for field in fields(Dialect)} - {"name"}
+    assert optional == known - set(NEEDED)
 
 
 def test_an_own_effect_is_in_the_catalogue(site: Path, tmp_path: Path):

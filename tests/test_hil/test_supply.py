@@ -22,7 +22,7 @@ from bender_hil.sources.line_dialect import LINE_DIALECTS
 from bender_hil.sources.line_source import LineSource
 from bender_hil.supply import parse
 from bender_hil.supply.capability import MODELS, Capability
-from bender_hil.supply.dialect import BK_9115
+from bender_hil.supply.dialect import BK_9115, NEEDED
 from bender_hil.supply.driver import Supply
 from bender_hil.supply.failures import (
     BadReplyError,
@@ -299,6 +299,29 @@ def test_xln_speaks_its_own_dialect_and_says_what_it_cannot():
     supply.set_voltage(7.0)
     assert (supply.measured_V(), supply.measured_A()) == (6.998, 0.001)
     link.finish()
+
+
+def test_a_supply_is_driven_without_what_its_dialect_does_not_have():
+    lacking = ("set_current", "current_setting", "measure_current", "measure_voltage", "errors", "release")
+    bare = Capability("PSU-7", 80.0, 0.001, replace(BK_9115, **dict.fromkeys(lacking)))
+    dialogue = [line for line in ARM_9115 if line != FINE and "CURR" not in line[0]]
+    link = ScriptedLink([("*IDN?", "ACME,PSU-7,42,1.0"), *dialogue, ("VOLT 7.000", None)])
+    supply = Supply(link, bare)
+    supply.open()
+    remarks = supply.arm(BOUNDS)
+    supply.set_voltage(7.0)
+    supply.release()
+    assert (supply.measured_V(), supply.measured_A()) == (None, None)
+    link.finish()
+    assert len(remarks) == 4
+    told = ("current limit", "which voltage", "which current", "error queue")
+    assert all(part in remark for part, remark in zip(told, remarks, strict=True))
+
+
+@pytest.mark.parametrize("field", NEEDED)
+def test_a_word_that_no_supply_can_be_guarded_without_is_asked_for_by_its_row_and_field(field: str) -> None:
+    with pytest.raises(ValueError, match=rf"dialect bk_9115: {field}: found None, expected "):
+        replace(BK_9115, **{field: None})
 
 
 def test_function_generator_is_armed_driven_and_goes_off():

@@ -11,7 +11,8 @@ import numpy as np
 from bender_hil.bench_file import BenchFile
 from bender_hil.check.connected import connected
 from bender_hil.check.findings import FAILED, FINE, REMARK, Finding
-from bender_hil.guard.guard import Status
+from bender_hil.guard.guard import FAULT, Status
+from bender_hil.guard.start import GuardFaultError
 from bender_hil.log.ending import EndOfRun
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.results import write_results
@@ -20,6 +21,7 @@ from bender_hil.runner.run import RunResult, run
 from bender_hil.runner.steadiness import NoReadingsError, UnsteadyError
 from bender_hil.runner.voltages import Voltages
 from bender_hil.sensors.sensor_eyes import NoSensorError
+from bender_hil.sources.kinds import where_to_mend
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.run import doing
 
@@ -53,9 +55,11 @@ def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding],
     except InputError as error:
         advice = _TOO_SLOW if isinstance(error, UnsteadyError) else "correct the bench file"
         return [Finding("dry run at 0 V", FAILED, str(error), advice)], None
+    except GuardFaultError as error:
+        return [Finding("source", FAILED, error.sentence, error.advice)], None
     except RunError as error:
         return [Finding("dry run at 0 V", FAILED, str(error), f"look at cables and addresses; {_found_here()}")], None
-    found = [*_source(result.log), *_sensor(bench, result.log), _end("dry run at 0 V", result)]
+    found = [*_source(result.log), *_sensor(bench, result.log), _end("dry run at 0 V", bench, result)]
     return found, result.log
 
 
@@ -76,7 +80,7 @@ def check_answer(bench: BenchFile, out: Path, fmu: Fmu, noise_um: float) -> list
             result = _run(bench, levels, out / f"step-{number}", fmu)
         except (InputError, RunError) as error:
             return [Finding(f"dry run at {step_V:.3g} V", FAILED, str(error))]
-        end = _end(f"dry run at {step_V:.3g} V", result)
+        end = _end(f"dry run at {step_V:.3g} V", bench, result)
         if end.state == FAILED:
             return [end]
         answer = _answer(result.log)
@@ -148,12 +152,12 @@ def noise_of(log: RunLog) -> float:
     return float(np.std(np.diff(tips)) / math.sqrt(2.0)) if len(tips) > 2 else math.nan
 
 
-def _end(what: str, result: RunResult) -> Finding:
+def _end(what: str, bench: BenchFile, result: RunResult) -> Finding:
     ended, summary = result.ended, result.summary
     if ended.status is Status.UNCONFIRMED:
         return Finding(what, FAILED, ended.alarm, "switch the source off by hand")
     if ended.code is not None:
-        advice = _ADVICE.get(ended.code, "")
+        advice = where_to_mend(bench.source) if ended.code == FAULT else _ADVICE.get(ended.code, "")
         return Finding(what, FAILED, f"ended by a rule ({ended.code}): {ended.sentence}", advice)
     median_ms, high_ms, _ = summary.frame_to_command_ms
     off = "-" if summary.off_after_ms is None else f"{summary.off_after_ms:.0f} ms"

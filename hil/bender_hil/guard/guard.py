@@ -22,6 +22,8 @@ from bender_loop.shell import last_word
 from bender_loop.shell.last_word import UNKNOWN
 from bender_loop.shell.messages import Channel, ClosedError, Message
 
+FAULT = "guard"
+"""Code of a run that an exception in the guard itself has ended."""
 _WAIT_S = 0.01
 ALIVE_S = 0.2
 """Between two words of a guard, whatever it does."""
@@ -90,7 +92,7 @@ class Guard:
         except ClosedError:
             trip = Trip("controller_gone", "the controller has gone")
         except Exception as error:  # whatever it is, the output has to come down
-            trip = Trip("guard", f"a fault in the guard itself: {type(error).__name__}: {error}")
+            trip = Trip(FAULT, f"a fault in the guard itself: {type(error).__name__}: {error}")
         return self._come_down(trip)
 
     def _open(self) -> Status | None:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from bender_hil.guard.guard import Status
+from bender_hil.guard.guard import FAULT, Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import ANSWER_S, SILENCE_S, Ended, WayDown, acknowledge, finish, start_process
 from bender_hil.guard.watched import Watchman
-from bender_hil.sources.kinds import address_of
+from bender_hil.sources.kinds import address_of, where_to_mend
 from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.last_word import UNKNOWN, Output
@@ -29,6 +29,19 @@ class OutputUnknownError(RunError):
     """The run has failed and the output could not be confirmed off; the message is the alarm."""
 
 
+class GuardFaultError(RunError):
+    """The source could not be armed because of a fault in the program; its output is off.
+
+    Args:
+        sentence: what happened.
+        advice: what to do about it.
+    """
+
+    def __init__(self, sentence: str, advice: str) -> None:
+        super().__init__(f"{sentence}; {advice}")
+        self.sentence, self.advice = sentence, advice
+
+
 class GuardProcess:
     """A guard in a process of its own.
 
@@ -41,6 +54,7 @@ class GuardProcess:
     Raises:
         InputError: another instrument is at the address, or it cannot do what the limits ask for.
         RunError: no instrument answers, or the guard does not start.
+        GuardFaultError: the program failed, and not the instrument.
         OutputUnknownError: it could not be armed, and not be confirmed off either.
     """
 
@@ -215,11 +229,16 @@ class GuardProcess:
                     f"the guard ended or said nothing for {_OPEN_SILENCE_S:g} s before it opened the source; nothing "
                     "was switched on. Close what keeps this machine busy, and try again"
                 )
-        ended = self.wait()
+        raise self._unarmed(self.wait())
+
+    def _unarmed(self, ended: Ended) -> InputError | RunError:
+        """What to raise for a source that could not be armed."""
+        sentence = f"the source could not be armed: {ended.sentence}"
         if ended.status is Status.UNCONFIRMED:
-            raise OutputUnknownError(f"the source could not be armed: {ended.sentence}; {ended.alarm}")
-        kind = InputError if ended.status is Status.REFUSED else RunError
-        raise kind(f"the source could not be armed: {ended.sentence}")
+            return OutputUnknownError(f"{sentence}; {ended.alarm}")
+        if ended.code == FAULT:
+            return GuardFaultError(sentence, where_to_mend(self._orders.source))
+        return InputError(sentence) if ended.status is Status.REFUSED else RunError(sentence)
 
     def _has_opened(self) -> bool:
         """Whether a guard that has ended had said who answers, which it does before it switches anything."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 from bender_hil.bench_file import BenchFile
 from bender_hil.emulated import EmulatedBench
+from bender_hil.guard.guard import FAULT
 from bender_hil.guard.rules import Trip
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import Ended
@@ -34,7 +35,7 @@ from bender_hil.runner.run_folder import plain, run_directory, sha256, versions
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sensors.table import conversion
-from bender_hil.sources.kinds import SourceSettings, address_of
+from bender_hil.sources.kinds import SourceSettings, address_of, where_to_mend
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import write_record
 from bender_loop.shell.messages import ClosedError
@@ -186,7 +187,7 @@ def run(
         loop = _loop(bench, program, eyes, guard, journal, ring, witness, heard)
         begin = partial(started, emulated) if started is not None else None
         looped = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
-        ended = _explained(guard.wait(), eyes, looped.trip)
+        ended = _explained(guard.wait(), eyes, looped.trip, source)
         if stop is not None and not ended.alarm:
             # over an output that may be on, the button goes on asking, and says what to press when nobody answers
             stop.armed(None)
@@ -290,14 +291,19 @@ def _looped(
     return _Looped(trip=trip)
 
 
-def _explained(ended: Ended, eyes: CameraEyes | SensorEyes, trip: Trip | None = None) -> Ended:
+def _explained(
+    ended: Ended, eyes: CameraEyes | SensorEyes, trip: Trip | None = None, source: SourceSettings | None = None
+) -> Ended:
     """An end with what lies behind it: the guard sees only that readings are missing, or that the controller is silent.
 
     Args:
         ended: as the guard has it.
         eyes: of the run; a sensor says what it raised itself.
-        trip: that the loop ended with.
+        trip: that the loop ended with; None for none.
+        source: of the run; that of a package may be what failed.
     """
+    if ended.code == FAULT:
+        return ended._replace(sentence=f"{ended.sentence}; {where_to_mend(source)}")
     if trip is not None and trip.code == CONTROLLER_FAILED and ended.code in _WITHOUT_COMMANDS:
         return ended._replace(sentence=f"{ended.sentence} ({trip.sentence})")
     why = eyes.trouble() if isinstance(eyes, SensorEyes) and ended.code in _WITHOUT_READINGS else ""

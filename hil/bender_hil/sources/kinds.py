@@ -8,15 +8,18 @@ from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.daq_output import DaqOutputSettings
 from bender_hil.sources.line_source import LineSettings
 from bender_hil.sources.simple import GuardedSimple, SimpleSource
+from bender_hil.supply.capability import MODELS
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import GENERATOR, SupplySettings
 from bender_hil.supply.source import Source
 from bender_loop.shell.plugins import (
     SOURCES,
+    SUPPLIES,
     check_complete,
     installed_plugins,
     known_kinds,
     load_plugin,
+    package_of,
     settings_class,
 )
 
@@ -69,6 +72,16 @@ def kind_of(settings: SourceSettings) -> str:
 def address_of(settings: object) -> str:
     """Return what tells this source or sensor from any other: its address, or everything that its settings say."""
     return str(getattr(settings, "resource", None) or settings)
+
+
+def where_to_mend(settings: SourceSettings | None) -> str:
+    """Return what to look at where the program fails, and not the instrument: the package that adds this source."""
+    is_supply = isinstance(settings, SupplySettings)
+    group = SUPPLIES if is_supply else SOURCES
+    name = settings.model if is_supply else "" if settings is None else kind_of(settings)
+    if name in (*MODELS, *OURS) or name not in installed_plugins(group):
+        return "this is a fault of piezo-bender, and not of a cable: please report it"
+    return f"mend {name} of the package {package_of(group, name)} ({group}); this is not a fault of a cable"
 
 
 def check_source(kind: str, settings: SourceSettings) -> None:

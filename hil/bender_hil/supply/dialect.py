@@ -1,6 +1,7 @@
 """Dialects: the words for each thing that is asked of a supply.
 
 A None is a thing that a dialect cannot say, or for which no manual was found; the driver leaves it out and says so.
+Without the level, the switch of the output and who is there, nothing can be guarded: these are needed.
 
 `bk_9115`: programming manual of the 9115 (also 9116, 9117) and chapter 5 of the 9200 series' manual, which share
 their roots. In it `VOLT:LIM` is the LOWER bound of the output and `VOLT:RANG` the upper one, whatever the names
@@ -12,6 +13,12 @@ Its USB port is a serial bridge that is fed by the computer: it opens with the s
 """
 
 from dataclasses import dataclass, fields
+
+NEEDED = (
+    "write_end", "read_end", "prepare", "set_voltage", "voltage_setting", "output_on", "output_off", "output_state",
+    "identify",
+)  # fmt: skip
+"""Words that every supply has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +41,7 @@ class Dialect:
         release: gives the front panel back.
 
     Raises:
-        ValueError: a word is empty; what a supply does not have is None.
+        ValueError: a word is empty, or one that is needed is None; what else a supply does not have is None.
     """
 
     name: str
@@ -43,14 +50,14 @@ class Dialect:
     prepare: tuple[str, ...]
     set_voltage: str
     voltage_setting: str
-    measure_voltage: str
-    set_current: str
-    current_setting: str
-    measure_current: str
+    measure_voltage: str | None
+    set_current: str | None
+    current_setting: str | None
+    measure_current: str | None
     output_on: str
     output_off: str
     output_state: str
-    errors: str
+    errors: str | None
     set_upper_bound: str | None = None
     upper_bound: str | None = None
     set_protection: str | None = None
@@ -64,6 +71,9 @@ class Dialect:
     def __post_init__(self) -> None:
         for field in fields(self):
             words = getattr(self, field.name)
+            if words is None and field.name in NEEDED:
+                needed = "()" if field.name == "prepare" else "a text: no supply can be guarded without it"
+                raise ValueError(f"dialect {self.name}: {field.name}: found None, expected {needed}")
             if any(not x for x in (words if isinstance(words, tuple) else (words,)) if x is not None):
                 left_out = "()" if field.name == "prepare" else "None, where the supply has no such command"
                 raise ValueError(f"dialect {self.name}: {field.name}: found an empty command, expected {left_out}")

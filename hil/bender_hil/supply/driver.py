@@ -60,7 +60,7 @@ class Supply:
             SupplyError: a setting was refused or read back differently.
         """
         self._check(bounds)
-        words, model = self._dialect, self._capability
+        words = self._dialect
         for command in words.prepare:
             self._link.write(command)
         self._empty_queue()
@@ -68,12 +68,12 @@ class Supply:
         if self.is_on():
             raise MismatchError(f"{words.output_off} was sent, but {words.output_state} says that the output is on")
         self._set_V("0 V", words.set_voltage, words.voltage_setting, 0.0)
-        self._tell(words.set_current.format(f"{bounds.current_A:.{model.current_decimals}f}"))
-        self._read_back("the current limit", words.current_setting, bounds.current_A, model.resolution_A)
         remarks = [
+            self._set_A(bounds.current_A),
             self._set_V("the upper bound", words.set_upper_bound, words.upper_bound, bounds.maximum_V),
             self._set_V("the protection", words.set_protection, words.protection_setting, bounds.protection_V),
             self._switch_protection(),
+            *self._unwatched(),
         ]
         self._tell(words.output_on)
         if not self.is_on():
@@ -98,13 +98,15 @@ class Supply:
         """The level as the instrument has it."""
         return self._number(self._dialect.voltage_setting)
 
-    def measured_V(self) -> float:
-        """What is at the terminals."""
-        return self._number(self._dialect.measure_voltage)
+    def measured_V(self) -> float | None:
+        """What is at the terminals; None where the dialect has no word for it."""
+        question = self._dialect.measure_voltage
+        return None if question is None else self._number(question)
 
-    def measured_A(self) -> float:
-        """What flows."""
-        return self._number(self._dialect.measure_current)
+    def measured_A(self) -> float | None:
+        """What flows; None where the dialect has no word for it."""
+        question = self._dialect.measure_current
+        return None if question is None else self._number(question)
 
     def is_on(self) -> bool:
         """Whether the output is switched on."""
@@ -174,19 +176,40 @@ class Supply:
     def _check(self, bounds: Bounds) -> None:
         model = self._capability
         bounds.check(0.0, model.maximum_V, f"the {model.model}")
-        if bounds.current_A > model.maximum_A:
+        if model.dialect.set_current is not None and bounds.current_A > model.maximum_A:
             raise ValueError(
                 f"current_A must be at most {model.maximum_A:g} with a {model.model}, found {bounds.current_A!r}"
             )
 
     def _set_V(self, what: str, command: str | None, question: str | None, value_V: float) -> str | None:
-        """Set and read back; returns a remark where the dialect has no words for it."""
         model = self._capability
+        return self._set(what, (command, question), value_V, model.decimals, model.resolution_V)
+
+    def _set_A(self, value_A: float) -> str | None:
+        words, model = self._dialect, self._capability
+        pair = words.set_current, words.current_setting
+        return self._set("the current limit", pair, value_A, model.current_decimals, model.resolution_A)
+
+    def _set(
+        self, what: str, words: tuple[str | None, str | None], value: float, decimals: int, resolution: float
+    ) -> str | None:
+        """Set and read back; returns a remark where the dialect has no words for it."""
+        command, question = words
         if command is None or question is None:
-            return f"{what} cannot be set on a {model.model} from here"
-        self._tell(command.format(f"{value_V:.{model.decimals}f}"))
-        self._read_back(what, question, value_V, model.resolution_V)
+            return f"{what} cannot be set on a {self._capability.model} from here"
+        self._tell(command.format(f"{value:.{decimals}f}"))
+        self._read_back(what, question, value, resolution)
         return None
+
+    def _unwatched(self) -> list[str]:
+        """Return a remark on everything that the guard of a run cannot ask of this supply."""
+        words, model = self._dialect, self._capability.model
+        told = (
+            (words.measure_voltage, f"a {model} does not say which voltage it gives: no other one ends a run"),
+            (words.measure_current, f"a {model} does not say which current flows: none ends a run"),
+            (words.errors, f"a {model} has no error queue: what it is told is read back instead"),
+        )
+        return [remark for question, remark in told if question is None]
 
     def _read_back(self, what: str, question: str, value: float, resolution: float) -> None:
         found = self._number(question)
@@ -213,13 +236,15 @@ class Supply:
 
     def _complain(self, command: str | None = None) -> None:
         question = self._dialect.errors
-        found = parse.complaint(question, self._link.query(question))
+        found = None if question is None else parse.complaint(question, self._link.query(question))
         if found is not None:
             raise ComplaintError(f"the supply complains{f' about {command}' if command else ''}: {found}")
 
     def _empty_queue(self) -> None:
         """Take out what was in the queue before us; a queue without an end is a fault of its own."""
         question = self._dialect.errors
+        if question is None:
+            return
         for _ in range(_QUEUE_LENGTH):
             if parse.complaint(question, self._link.query(question)) is None:
                 return

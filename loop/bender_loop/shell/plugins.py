@@ -21,6 +21,12 @@ def installed_plugins(group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=group)}
 
 
+def package_of(group: str, name: str) -> str:
+    """Return the name of the package that adds a name."""
+    point = installed_plugins(group)[name]
+    return point.dist.name if point.dist else "unknown"
+
+
 def load_plugin(group: str, name: str) -> Any:
     """Return the object of a name.
 
@@ -31,10 +37,9 @@ def load_plugin(group: str, name: str) -> Any:
     try:
         return point.load()
     except Exception as error:  # another's code fails in its own way
-        package = point.dist.name if point.dist else "unknown"
         raise InputError(
-            f"{group}: {name} of the package {package} cannot be loaded ({type(error).__name__}: {error}); "
-            "mend the package or uninstall it"
+            f"{group}: {name} of the package {package_of(group, name)} cannot be loaded "
+            f"({type(error).__name__}: {error}); mend the package or uninstall it"
         ) from None
 
 
