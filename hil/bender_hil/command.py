@@ -77,7 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gains",
         type=Path,
         metavar="FILE",
-        help="gains.toml of `bender tune`; one with a model (--follow-model) runs the model-following controller",
+        help="gains.toml of `bender tune`; one with a model (--follow-model) runs the model-following controller "
+        "(default: controller.gains of the bench file, or those of the paper's actuator)",
     )
     parser.add_argument("--no-model", action="store_true", help="the PID block alone, whatever the gains name")
     parser.add_argument(
@@ -366,11 +367,7 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
             )
     path = _gains_path(arguments, bench)
     gains, limits, period_s = read_gains(path)
-    if not 0.8 <= period_s * bench.rate_Hz <= 1.25:
-        sys.stderr.write(
-            f"note: {path} was tuned for {1.0 / period_s:.3g} frames per second, the bench gives {bench.rate_Hz:.3g}; "
-            f"`bender tune --rate {bench.rate_Hz:.3g}` tunes for it\n"
-        )
+    _note_unsuited(arguments, bench, path, period_s)
     guard = bench.guard
     _check_gains(path, gains, limits)
     lower_V, upper_V = max(guard.minimum_V, limits.lower_V), min(guard.maximum_V, limits.upper_V)
@@ -487,6 +484,23 @@ def _check_gains(path: Path, gains: "Gains", limits: "Limits") -> None:
     for name, value in numbers.items():
         if value > LARGEST_GAIN:
             raise InputError(f"{path}: {name}: found {value:g}, expected at most {LARGEST_GAIN:g}")
+
+
+def _note_unsuited(arguments: argparse.Namespace, bench: "BenchFile", path: Path, period_s: float) -> None:
+    """Say of gains that they are another device's, or those of another rate."""
+    rate = f"{bench.rate_Hz:.3g}"
+    is_ours = path == OWN_GAINS and arguments.gains is None and not vars(arguments).get("controller")
+    if is_ours and bench.emulator is None:
+        sys.stderr.write(
+            "note: without --gains the gains are those of the paper's actuator; for those of your device: "
+            f"`bender tune --model model.toml --rate {rate}`, with a model that `bender diagnose` or `bender model fit` "
+            "wrote\n"
+        )
+    elif not 0.8 <= period_s * bench.rate_Hz <= 1.25:
+        sys.stderr.write(
+            f"note: {path} was tuned for {1.0 / period_s:.3g} readings per second, the bench gives {rate}; "
+            f"`bender tune --rate {rate}` tunes for it\n"
+        )
 
 
 def _gains_path(arguments: argparse.Namespace, bench: "BenchFile") -> Path:

@@ -23,6 +23,7 @@ NOT_RUN = {
     "bender demo": "tests/test_studies/test_demo.py",
     "bender reproduce": "tests/test_studies/test_reproduce.py",
     "bender diagnose results/stairs": "tests/test_docs/test_your_bench.py",
+    "bender tune --model results/diagnosis/model.toml --rate": "tests/test_docs/test_your_bench.py",
     "bender hil nexus": "tests/test_hil/test_run_log.py",
     "bender hil --profile": "tests/test_hil/test_hil_command.py",
     "bender hil --watch": "tests/test_hil/test_live_browser.py",

@@ -39,8 +39,9 @@ def _as_it_stands(name: str, bench: EmulatedBench, folder: Path) -> Path:
     return folder / "bench.toml"
 
 
-def test_the_page_checks_plays_diagnoses_and_closes_the_loop():
-    assert [line.split()[1] for line in COMMANDS] == ["bench", "hil", "diagnose", "hil"]
+def test_the_page_checks_plays_diagnoses_tunes_and_closes_the_loop():
+    assert [line.split()[1] for line in COMMANDS] == ["bench", "hil", "diagnose", "tune", "hil"]
+    assert "--gains results/gains/gains.toml" in COMMANDS[-1]
 
 
 def test_the_page_has_three_benches_and_an_emulated_one():

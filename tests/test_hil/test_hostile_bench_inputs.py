@@ -7,7 +7,7 @@ import os
 import time
 from argparse import Namespace
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -263,6 +263,20 @@ def test_mutated_logs(folder: Path, seed: int):
         for name in ("record.csv", "summary.json", "summary.html"):
             (folder / name).unlink(missing_ok=True)
     assert refused > 50
+
+
+def test_the_gains_of_another_actuator_are_said_on_a_bench_that_is_not_emulated(capsys: pytest.CaptureFixture[str]):
+    words = {"duration": None, "profile": None, "setpoint": None, "gains": None}
+    real = replace(emulated_bench(), emulator=None)
+    make_program(Namespace(**words), real, read_gains)
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1
+    assert "those of the paper's actuator" in said
+    assert "bender tune --model" in said
+    make_program(Namespace(**words), emulated_bench(), read_gains)
+    make_program(Namespace(**words | {"gains": OWN_GAINS}), real, read_gains)
+    make_program(Namespace(**words, controller=Path("mine.fmu")), real, read_gains)
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(
