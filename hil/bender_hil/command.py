@@ -493,8 +493,8 @@ def _note_unsuited(arguments: argparse.Namespace, bench: "BenchFile", path: Path
     if is_ours and bench.emulator is None:
         sys.stderr.write(
             "note: without --gains the gains are those of the paper's actuator; for those of your device: "
-            f"`bender tune --model model.toml --rate {rate}`, with a model that `bender diagnose` or `bender model fit` "
-            "wrote\n"
+            f"`bender tune --model model.toml --rate {rate}`, with a model that `bender diagnose` or "
+            "`bender model fit` wrote\n"
         )
     elif not 0.8 <= period_s * bench.rate_Hz <= 1.25:
         sys.stderr.write(

@@ -17,7 +17,11 @@ _RIG_UNITS = r"V/[µu]m|V/\([µu]m s\)|V s/[µu]m|V/s|(?:[µu]m|V)(?:/V2?)?"
 _SMALL, _LARGE = 1e-3, 1e5
 # from this many times the value on, a deviation is given beside it, not to the same digits
 WIDE = 5.0
-
+WHOSE_DELAY = (
+    "a record alone cannot distinguish a delay of the sensor from one of the actuator; find that of the sensor (data "
+    "sheet, or a test without the actuator) and enter it in the bench file, as `delay_s` of [sensor] or [camera]"
+)
+"""What is to be known of a delay that was found."""
 
 _shown: ContextVar[Mapping[str, str] | None] = ContextVar("units shown in the place of V and um", default=None)
 

@@ -80,8 +80,19 @@ def test_notes_name_effects_by_their_titles() -> None:
     findings = find(told([record], best, refit=False))
     effect = replace(findings.effects[0], numbers=tuple(replace(x, std=np.inf) for x in findings.effects[0].numbers))
     said = " ".join(warnings(replace(findings, effects=(effect,))))
-    assert "source resistance: these records do not determine time_constant_s" in said
+    assert "source resistance: these records determine the response, not each of these numbers: time_constant_s" in said
+    assert "commands like the recorded ones" in said
+    assert "do not use" not in said
     assert not any(f"{x}:" in said for x in EFFECTS if "_" in x)
+
+
+@pytest.mark.parametrize(("effect", "is_said"), [("transport_delay", True), ("source_resistance", False)])
+def test_whose_delay_it_is_no_record_alone_can_say(effect: str, is_said: bool) -> None:
+    record = record_of(effects={"transport_delay": {"delay_s": 0.1}})
+    best = hypothesis(load_model("paper"), [record], (effect, (0.1,)))
+    said = warnings(find(told([record], best, refit=False)))
+    assert sum("delay of the sensor from one of the actuator" in x for x in said) == is_said
+    assert all("[sensor] or [camera]" in x for x in said if "delay of the sensor" in x)
 
 
 @given(st.floats(0.0001, 0.9999))

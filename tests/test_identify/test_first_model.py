@@ -22,6 +22,7 @@ from bender_identify.first_model.frequency_start import frequency_starts, ration
 from bender_identify.first_model.linear_structures import linear_structures
 from bender_identify.first_model.report import (
     choice_sentence,
+    delay_sentence,
     doubt_sentence,
     explained_share,
     numbers,
@@ -94,6 +95,7 @@ def test_a_lag_and_a_delay_are_found_with_intervals_that_hold_them():
         slack = 0.5 * (high - low)
         assert low - slack < truth < high + slack
         assert high - low < 0.1 * truth
+    assert "delay of the sensor from one of the actuator" in delay_sentence(found)
 
 
 @pytest.mark.slow
@@ -117,6 +119,7 @@ def test_a_gain_stays_a_gain():
     found = found_in(record_of([1.0], [1e-6, 1.0], 0, 0.5))
     assert found.chosen.structure == Structure()
     assert found.chosen.gain == pytest.approx(1.0, abs=0.01)
+    assert delay_sentence(found) == ""
 
 
 @pytest.mark.slow

@@ -16,12 +16,13 @@ from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
 from bender_loop.records.end_of_range import ends_of_range
 from bender_report.number import Number
-from bender_report.wording import fields, figure, input_word, listed, percent, quantity, uncertain
+from bender_report.wording import WHOSE_DELAY, fields, figure, input_word, listed, percent, quantity, uncertain
 
 ALIASES_TOLD = 3
 UNWRITTEN = "no corrected model was written"
 FOLLOWING = ("supply", "material", "structure")
 """Stages of effects that move with the voltage: where one is named, the readings follow it, whatever the gain."""
+_DELAY = "transport_delay"
 # times the residual of the rows that were searched
 ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
@@ -63,6 +64,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _at_the_end(findings)
     found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
+    found += _delayed(findings)
     found += _aliased(findings)
     found += _numbered(findings.search)
     found += _of_one_record(findings)
@@ -187,9 +189,20 @@ def _undetermined(effect: ReportedEffect) -> list[str]:
         return []
     open_ = ", ".join(names)
     return [
-        f"{title_of(effect.id)}: these records do not determine {open_}; do not use the corrected model between or "
-        "beyond the recorded levels"
+        f"{title_of(effect.id)}: these records determine the response, not each of these numbers: {open_}. The "
+        "corrected model is good for commands like the recorded ones, and a guess for levels, rates or holds that the "
+        "records do not have"
     ]
+
+
+def _delayed(findings: Findings) -> list[str]:
+    """Say of a delay, missing or the model's own, that it may be that of the sensor."""
+    base = findings.search.base
+    learned = () if base.origin is None else tuple(x.id for x in base.blocks)
+    own = tuple(x.name.partition(".")[0] for x in findings.recalibrated)
+    if _DELAY not in (*learned, *own, *(x.id for x in findings.effects)):
+        return []
+    return [f"{title_of(_DELAY)}: {WHOSE_DELAY}"]
 
 
 def _left_out(findings: Findings) -> list[str]:

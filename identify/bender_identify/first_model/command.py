@@ -133,6 +133,7 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
     from bender_identify.first_model.report import (
         choice_sentence,
         columns,
+        delay_sentence,
         doubt_sentence,
         quick_sentence,
         rms_sentence,
@@ -156,6 +157,5 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
             f"{written[1]} has {' and '.join(stands)} of the record; `bender diagnose --model {written[0]}` reads the "
             "model in the units of the record"
         )
-    for doubt in (doubt_sentence(found), quick_sentence(found)):
-        if doubt:
-            remark(doubt)
+    for said in filter(None, (delay_sentence(found), doubt_sentence(found), quick_sentence(found))):
+        remark(said)

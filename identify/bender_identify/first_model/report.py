@@ -13,7 +13,7 @@ from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_plant.origin import Origin
 from bender_plant.valid_range import ValidRange
-from bender_report.wording import shown_in, unit_name, unit_text
+from bender_report.wording import WHOSE_DELAY, shown_in, unit_name, unit_text
 
 FIRST_LINE = 2
 """Of the file in which row 0 stands."""
@@ -246,6 +246,12 @@ def doubt_sentence(found: FirstModel) -> str:
         f"{max(100.0 * share, 0.0):.0f} % of the variance of the readings. Check the columns and "
         "their units, and whether the record is complete"
     )
+
+
+def delay_sentence(found: FirstModel) -> str:
+    """Return what is to be known of a delay in the model; nothing where it has none."""
+    has_delay = any(x.id == "transport_delay" for x in found.model("first").blocks)
+    return f"delay_s: {WHOSE_DELAY}" if has_delay else ""
 
 
 def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
