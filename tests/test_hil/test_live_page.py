@@ -55,12 +55,15 @@ def test_a_view_follows_journals_that_grow(tmp_path):
     assert (view.ticks, view.late, view.lost) == (3, 1, 1)
     assert view.measured(0.0, 9.0) == [(0.5, 2.5)]
     assert view.rows[0].latency_ms == pytest.approx(4.0)
+    assert [row.is_late for row in view.rows] == [False, False, True]
     with (tmp_path / RUN).open("a") as file:
         file.write(json.dumps(_tick(3))[:40])
     assert view.update().ticks == 3
     with (tmp_path / RUN).open("a") as file:
         file.write(json.dumps(_tick(3))[40:] + "\n")
-    assert view.update().ticks == 4
+    # once the guard has ended, the journal knows which commands were late on the wire too
+    _write(tmp_path / RUN, {"n": 5, "t": 101.0, "kind": "stop", "late_ticks": [1, 2]})
+    assert (view.update().late, [row.is_late for row in view.rows]) == (2, [False, True, True, False])
     _write(
         tmp_path / GUARD,
         {"n": 2, "t": 101.0, "kind": "trip", "code": "stop", "sentence": "STOP was pressed"},

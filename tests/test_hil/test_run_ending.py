@@ -126,6 +126,8 @@ def test_the_page_of_a_run_needs_nothing_else(tmp_path: Path):
     assert "a&lt;b" in text
     assert "ticks &lt;&amp;&gt;" in text
     assert "frames without a tip: 1" in text
+    # tick 7 came on the wire after 50 ms: the chart marks what the last line counts
+    assert "late ticks: 1<" in text
     assert "output off at" in text
     names = [facts["id"] for _, facts in parser.seen if facts.get("id")]
     assert len(names) == len(set(names))

@@ -29,7 +29,7 @@ from bender_hil.log.nexus import NEXUS, write_nexus
 from bender_hil.log.read_run import read_run
 from bender_hil.log.replay import replay_run
 from bender_hil.log.results import RECORD, recover
-from bender_hil.log.summary import summarise
+from bender_hil.log.summary import late_ticks, summarise
 from bender_hil.log.to_record import to_record
 from bender_hil.recent_range import RecentRange
 from bender_hil.runner.control_law import Memory, decide
@@ -183,7 +183,9 @@ def test_a_command_on_the_wire_too_late_or_overtaken_is_late(tmp_path: Path):
     guard = [applied(0, 1.0, 5.03), applied(1, 1.0, 5.07), applied(3, 1.0, 5.1)]
     write_run(tmp_path, ticks, guard)
     # 1 took 37 ms, 2 was overtaken by 3; 4 came after the end
-    assert summarise(read_run(tmp_path)).late == 2
+    log = read_run(tmp_path)
+    assert (summarise(log).late, summarise(log).late_ticks) == (2, (1, 2))
+    assert late_ticks(log) == (1, 2)
 
 
 def test_summary_counts(tmp_path: Path):

@@ -62,6 +62,7 @@ class Row:
     latency_ms: float | None
     is_late: bool
     frame: int = 0
+    sequence: int = -1
 
 
 @dataclass(slots=True)
@@ -109,6 +110,7 @@ class RunView:
                 self.emulated = bool(entry.get("emulated"))
             elif entry["kind"] == "stop":
                 self.output.end(entry)
+                self._count_late(entry.get("late_ticks"))
         for entry in self._watch.entries():
             self.watch.take(entry)
         return self
@@ -132,8 +134,17 @@ class RunView:
                 None if sent_s is None else 1e3 * (sent_s - grabbed_s),
                 bool(entry.get("late")),
                 int(number(entry.get("frame")) or 0),
+                -1 if entry.get("sequence") is None else int(number(entry.get("sequence")) or 0),
             )
         )
+
+    def _count_late(self, late: object) -> None:
+        """Take which ticks were late by both journals; a tick that is written knows only when it was sent."""
+        if not isinstance(late, list):
+            return
+        self.late = len(late)
+        for row in self.rows:
+            row.is_late = row.sequence in late
 
     def clock_s(self, time_s: float) -> float:
         """Return the time of the journals for a time of the run; the newest of them before its first frame."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bender_hil.log.ending import Conduct, EndOfRun
 from bender_hil.log.read_run import RunLog
-from bender_hil.log.summary import applied_times, deadline_s
+from bender_hil.log.summary import applied_times, deadline_s, late_ticks
 from bender_report.chart import FONT_PX, WIDE_PX, Chart, Draw, chart, thinned
 from bender_report.page import render_template
 from bender_report.palette import light
@@ -112,18 +112,20 @@ def _sections(log: RunLog) -> list[Section]:
         )
         axes.plot(*_few(time_s, delay_ms), ".", color=light(COMMAND), ms=dot)
         axes.axhline(allowed_ms, color=light(BAD), lw=0.9, ls=(0, (4, 3)))
-        late = delay_ms > allowed_ms
-        axes.plot(time_s[late], delay_ms[late], "o", color=light(BAD), ms=4)
+        # a command that the next one overtook was never on the wire
+        axes.plot(time_s[is_late], np.fmax(delay_ms, allowed_ms)[is_late], "o", color=light(BAD), ms=4)
         axes.set_ylim(bottom=0.0)
 
     lost = int(np.isnan(tip_um).sum())
+    late = set(late_ticks(log))
+    is_late = np.array([tick["sequence"] in late for tick in log.ticks], dtype=np.bool_)
     guard = "; ".join(f"{what} at {at_s:.2f} s" for at_s, what in events) or "its journal is empty"
     return [
         _section(
             "Tip and set-point", [(SET_POINT, "set-point"), (TIP, "tip"), (BAD, f"frames without a tip: {lost}")], tip
         ),
         _section("Voltage", [(COMMAND, "command"), (MEASURED, "measured"), (BAD, f"guard: {guard}")], volts),
-        _section("From frame to command", [(COMMAND, "delay"), (BAD, "the deadline: later ticks are late")], delay),
+        _section("From frame to command", [(COMMAND, "delay"), (BAD, f"the deadline; late ticks: {len(late)}")], delay),
     ]
 
 

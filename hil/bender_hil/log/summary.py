@@ -16,8 +16,7 @@ class Summary:
     Attributes:
         ticks: frames that led to a command.
         skipped: frames that arrived and were passed over, because the loop was busy.
-        late: ticks whose command was on the wire later than one period after the frame (after the end of what a reading
-            averages), or that the next one overtook.
+        late: ticks that were late, as `late_ticks` defines it.
         lost: frames without a tip.
         clamped: commands beyond the limits.
         slowed: commands that the slew limit held back.
@@ -26,6 +25,7 @@ class Summary:
         off_after_ms: from the reason for the end to the supply's word that the output is off.
         harmless_after_ms: the same to a measured voltage below the safe level.
         missing: frames that never came.
+        late_ticks: their sequence numbers.
     """
 
     ticks: int
@@ -39,6 +39,7 @@ class Summary:
     off_after_ms: float | None
     harmless_after_ms: float | None
     missing: int = 0
+    late_ticks: tuple[int, ...] = ()
 
 
 def applied_times(log: RunLog) -> dict[int, float]:
@@ -59,11 +60,11 @@ def summarise(log: RunLog) -> Summary:
     end = log.guard_entry("end") or {}
     began = log.guard_entry("ramp")
     off_s, harmless_s = end.get("off_s"), end.get("harmless_s")
-    newest, limit_s = max(applied, default=-1), deadline_s(log)
+    late = late_ticks(log)
     return Summary(
         ticks=len(log.ticks),
         skipped=sum(tick["skipped"] for tick in log.ticks[1:]),
-        late=sum(_is_late(tick, applied, newest, limit_s) for tick in log.ticks),
+        late=len(late),
         lost=sum(tick["measured_um"] is None for tick in log.ticks),
         clamped=int(end.get("clamped", 0)),
         slowed=int(end.get("slowed", 0)),
@@ -72,7 +73,20 @@ def summarise(log: RunLog) -> Summary:
         off_after_ms=None if off_s is None or began is None else 1e3 * (off_s - began["t"]),
         harmless_after_ms=None if harmless_s is None or began is None else 1e3 * (harmless_s - began["t"]),
         missing=missing_frames(log),
+        late_ticks=late,
     )
+
+
+def late_ticks(log: RunLog) -> tuple[int, ...]:
+    """Return the sequence numbers of the late ticks.
+
+    A tick is late when its command was on the wire later than the deadline of the run after the instant of its reading,
+    or was sent to the guard later than that, or was overtaken by the next one. The last commands of a run that ends in
+    between are not: nothing overtook them.
+    """
+    applied, limit_s = applied_times(log), deadline_s(log)
+    newest = max(applied, default=-1)
+    return tuple(int(tick["sequence"]) for tick in log.ticks if _is_late(tick, applied, newest, limit_s))
 
 
 def deadline_s(log: RunLog) -> float:

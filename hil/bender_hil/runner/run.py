@@ -18,9 +18,9 @@ from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import Ended
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.log.journal import Journal, JournalError
-from bender_hil.log.read_run import GUARD, RUN, RunLog, read_run
+from bender_hil.log.read_run import GUARD, RUN, RunLog, malformed_is_bad_input, read_run
 from bender_hil.log.results import RECORD
-from bender_hil.log.summary import Summary, summarise
+from bender_hil.log.summary import Summary, late_ticks, summarise
 from bender_hil.log.to_record import to_record
 from bender_hil.realtime import priority
 from bender_hil.runner import steadiness
@@ -205,6 +205,7 @@ def run(
                 sentence=ended.sentence,
                 alarm=ended.alarm,
                 frames=names,
+                late_ticks=_late_ticks(out),
             )
             journal.sync()
         except JournalError as error:
@@ -417,6 +418,15 @@ def _delay_s(bench: BenchFile) -> float:
     if bench.delay_s is not None:
         return bench.delay_s
     return EMULATED_DELAY_S if bench.emulator is not None else 0.0
+
+
+def _late_ticks(out: Path) -> list[int] | None:
+    """Return which ticks were late, by both journals; None where they cannot be read."""
+    try:
+        with malformed_is_bad_input(out):
+            return list(late_ticks(read_run(out)))
+    except InputError:
+        return None
 
 
 def _result(out: Path, ended: Ended, signal: str | None, emulated: bool, unwritten: list[str]) -> RunResult:
