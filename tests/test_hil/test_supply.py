@@ -19,7 +19,7 @@ from bender_hil.sources.amplified import Amplified
 from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.kinds import make_source
 from bender_hil.sources.line_dialect import LINE_DIALECTS
-from bender_hil.sources.line_source import LineSource
+from bender_hil.sources.line_source import LineSettings, LineSource
 from bender_hil.supply import parse
 from bender_hil.supply.capability import MODELS, Capability
 from bender_hil.supply.dialect import BK_9115, NEEDED
@@ -421,8 +421,10 @@ def test_limits_beyond_the_model_are_refused_before_anything_is_sent():
 def test_every_model_of_the_table_can_be_selected():
     for model in [*MODELS, "33xxx"]:
         assert make_source(SupplySettings("ASRL/dev/ttyUSB0::INSTR", model=model), None) is not None
-    with pytest.raises(ValueError, match="model must be one of"):
+    with pytest.raises(ValueError, match=r"model must be one of .*add-your-own.md.*write-a-source-or-sensor.md"):
         SupplySettings("ASRL1::INSTR", model="9103")
+    with pytest.raises(ValueError, match=r"model must be one of .*write-a-source-or-sensor.md"):
+        LineSettings("ASRL1::INSTR", model="DG1022")
 
 
 def test_a_supply_of_another_maker_that_a_package_adds_answers_by_its_model():

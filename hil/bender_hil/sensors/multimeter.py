@@ -12,6 +12,7 @@ from bender_hil.supply.failures import ComplaintError, MismatchError
 from bender_hil.supply.link import Link, LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_loop.bounds import check_numbers
+from bender_loop.shell.plugins import A_CLASS_OF_YOURS
 
 _APERTURE_PART = 0.02
 """By which the aperture that was read back may differ: instruments round it to what they can do."""
@@ -43,7 +44,10 @@ class MultimeterSettings:
 
     def __post_init__(self) -> None:
         if self.model not in METERS:
-            raise ValueError(f"model must be one of {', '.join(METERS)}, found {self.model!r}")
+            raise ValueError(
+                f"model must be one of {', '.join(METERS)}, found {self.model!r:.60}; add another multimeter as "
+                f"{A_CLASS_OF_YOURS}"
+            )
         bounds = {
             "range_V": (1e-3, 1e3), "aperture_s": (1e-5, 1.0), "timeout_s": (0.01, 10.0), "baud": (300, 10_000_000),
         }  # fmt: skip

@@ -12,6 +12,7 @@ from bender_hil.supply.failures import BadReplyError, ComplaintError, NoReplyErr
 from bender_hil.supply.link import Link, LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_loop.bounds import check_numbers
+from bender_loop.shell.plugins import A_CLASS_OF_YOURS
 
 _NEAR_THE_END = 0.99
 """Of the range: samples beyond it may have been cut off."""
@@ -44,7 +45,10 @@ class OscilloscopeSettings:
 
     def __post_init__(self) -> None:
         if self.model not in SCOPES:
-            raise ValueError(f"model must be one of {', '.join(SCOPES)}, found {self.model!r}")
+            raise ValueError(
+                f"model must be one of {', '.join(SCOPES)}, found {self.model!r:.60}; add another oscilloscope as "
+                f"{A_CLASS_OF_YOURS}"
+            )
         words = SCOPES[self.model]
         bounds = {
             "channel": (1, words.channels), "range_V": (1e-3, 1e3), "aperture_s": (1e-5, words.longest_s),

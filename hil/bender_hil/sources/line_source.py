@@ -19,6 +19,7 @@ from bender_hil.supply.patience import Patience
 from bender_hil.supply.same_instrument import SameInstrument
 from bender_hil.supply.source import Bounds
 from bender_loop.bounds import check_numbers
+from bender_loop.shell.plugins import A_CLASS_OF_YOURS
 
 _TRIALS = 3
 _GAP_S = 0.01
@@ -51,7 +52,10 @@ class LineSettings:
 
     def __post_init__(self) -> None:
         if self.model not in LINE_DIALECTS:
-            raise ValueError(f"model must be one of {', '.join(LINE_DIALECTS)}, found {self.model!r}")
+            raise ValueError(
+                f"model must be one of {', '.join(LINE_DIALECTS)}, found {self.model!r:.60}; add another generator or "
+                f"controller as {A_CLASS_OF_YOURS}"
+            )
         if self.axis is not None and re.fullmatch(r"\w{1,8}", self.axis, re.ASCII) is None:
             raise ValueError(f"axis: found {self.axis!r}, expected a letter or a number")
         bounds = {"timeout_s": (0.01, 10.0), "baud": (300, 10_000_000), "spacing_s": (0.0, 1.0)}
@@ -259,7 +263,7 @@ class LineSource:
         if not found.manufacturer.upper().startswith(words.makers) or not found.model.upper().startswith(words.models):
             raise WrongInstrumentError(
                 f"{found.manufacturer} {found.model} answers there, expected a {words.name}; correct the address or "
-                "`model` under [source]"
+                f"`model` under [source]; one that is not in the list is added as {A_CLASS_OF_YOURS}"
             )
         if self._serial is not None and found.serial != self._serial:
             raise WrongInstrumentError(

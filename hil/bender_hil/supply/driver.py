@@ -10,6 +10,7 @@ from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
 from bender_hil.supply.same_instrument import SameInstrument
 from bender_hil.supply.source import Bounds
+from bender_loop.shell.plugins import A_CLASS_OF_YOURS
 
 _QUEUE_LENGTH = 32
 _RESYNC_TRIALS = 3
@@ -166,8 +167,8 @@ class Supply:
             maker = f"{self._capability.makers[0]} " if self._capability.makers else ""
             raise WrongInstrumentError(
                 f"{found.manufacturer} {found.model} answers there, expected {maker}{wanted}; correct the address or "
-                "`model` under [supply]; a supply that is not in the list is added by a package of yours "
-                "(docs/how-to/add-your-own.md)"
+                "`model` under [supply]; a supply that is not in the list is added as a row of words "
+                f"(docs/how-to/add-your-own.md) or as {A_CLASS_OF_YOURS}"
             )
         if self._serial is not None and found.serial != self._serial:
             raise WrongInstrumentError(f"the {wanted} there has serial number {found.serial}, expected {self._serial}")

@@ -7,7 +7,7 @@ from bender_hil.supply.driver import Supply
 from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError
-from bender_loop.shell.plugins import SUPPLIES, installed_plugins, load_plugin
+from bender_loop.shell.plugins import A_CLASS_OF_YOURS, SUPPLIES, installed_plugins, load_plugin
 
 GENERATOR = "33xxx"
 """`model` of a function generator."""
@@ -45,8 +45,8 @@ class SupplySettings:
         if self.model != GENERATOR and capability_of(self.model) is None:
             known = ", ".join([*MODELS, *installed_plugins(SUPPLIES), GENERATOR])
             raise ValueError(
-                f"model must be one of {known}, found {self.model!r}; another supply is added by a package of yours "
-                "(docs/how-to/add-your-own.md)"
+                f"model must be one of {known}, found {self.model!r:.60}; add another as a row of words "
+                f"(docs/how-to/add-your-own.md) or as {A_CLASS_OF_YOURS}"
             )
         if self.backend not in BACKENDS:
             raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, found {self.backend!r}")

@@ -13,6 +13,8 @@ SUPPLIES = "piezo_bender.supplies"
 SOURCES = "piezo_bender.sources"
 SENSORS = "piezo_bender.sensors"
 EFFECTS = "piezo_bender.effects"
+A_CLASS_OF_YOURS = "a class in a package of yours (docs/how-to/write-a-source-or-sensor.md)"
+"""What adds a source or a sensor that no list has."""
 
 
 @cache
