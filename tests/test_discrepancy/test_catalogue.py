@@ -132,6 +132,18 @@ def test_a_page_has_every_section_and_its_confusables(effect: Effect):
     assert text.partition("## Sources\n")[2].strip().startswith("- ")
 
 
+@every_effect
+def test_nothing_of_the_skeleton_is_left_to_do(effect: Effect):
+    files = [
+        Path(effect.page),
+        Path(f"plant_src/bender_plant/blocks/{effect.block.id}.py"),
+        Path(f"discrepancy/bender_discrepancy/effects/library/{effect.id}.py"),
+        Path(f"tests/effect_examples/{effect.id}.py"),
+    ]
+    texts = {str(x): (ROOT / x).read_text(encoding="utf-8") for x in files if (ROOT / x).is_file()}
+    assert not [f"{name}: {line}" for name, text in texts.items() for line in text.splitlines() if "TODO" in line]
+
+
 def test_no_document_is_stale():
     """`bender effects --write-docs` writes them."""
     assert stale(EFFECTS, ROOT) == []

@@ -28,6 +28,8 @@ TODO: what happens, and in which device.
 TODO
 ```
 
+TODO: what every symbol is: x = `size`.
+
 ## Typical values
 
 - TODO: a size, and where it comes from.
