@@ -19,23 +19,25 @@ CEILING_um = 15.0
 
 # what a person writes: a sensor whose reading goes no higher than a ceiling
 BLOCK = {
-    'size: float = parameter(0.0, unit="1", low=-10.0, high=10.0, text="TODO", tunable=True)': (
+    'size_um: float = parameter(0.0, unit="um", low=-1e6, high=1e6, text="TODO", tunable=True)': (
         'ceiling_um: float = parameter(1e6, unit="um", low=0.0, high=1e6, text="highest reading", tunable=True)'
     ),
     "Neutral at zero.": "The highest reading.",
-    "(settings.size,)": "(settings.ceiling_um,)",
-    "    del size\n    return y\n": "    return min(y, size)\n",
+    "(settings.size_um,)": "(settings.ceiling_um,)",
+    "    del size_um\n    return y\n": "    return min(y, size_um)\n",
 }
 LIBRARY = {
-    'COVERED = {"size": (0.01, 1.0)}': 'COVERED = {"ceiling_um": (2.0, 20.0)}',
-    "    del sizes\n": "",
-    'amplitude("size", 0.01, 2.0)': 'scale("ceiling_um", 0.1 * sizes.stroke_um, sizes.stroke_um, 12), timed=False',
+    'COVERED = {"size_um": (0.1, 10.0)}': 'COVERED = {"ceiling_um": (2.0, 20.0)}',
+    'sizes.sized(amplitude("size_um", 0.1, 20.0), COVERED["size_um"], "um")': (
+        'scale("ceiling_um", 0.1 * sizes.stroke_um, sizes.stroke_um, 12)'
+    ),
+    ", size),)": ", size, timed=False),)",
     "import Form, amplitude, simple": "import Form, scale, simple",
-    '{"size": (0.0, 0.1, "TODO: where that comes from")}': '{"ceiling_um": (1.0, 1e5, "the range of the sensor")}',
-    'example={"size": 0.1}': 'example={"ceiling_um": 15.0}',
+    '{"size_um": (0.0, 1.0, "TODO: where that comes from")}': '{"ceiling_um": (1.0, 1e5, "the range of the sensor")}',
+    'example={"size_um": 1.0}': 'example={"ceiling_um": 15.0}',
 }
 EXAMPLE = {
-    '[{"size": 0.1}]': '[{"ceiling_um": 15.0}]',
+    '[{"size_um": 1.0}]': '[{"ceiling_um": 15.0}]',
     "    raise NotImplementedError\n": '    return np.minimum(plain_um, parameters["ceiling_um"])\n',
 }
 

@@ -3,6 +3,7 @@
 A held command turns nothing inside a sub-step of most blocks, so that steps do not show a `corner` that is missing.
 """
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -54,9 +55,9 @@ def along(block: Block, parameters: dict[str, Any], parts: int) -> np.ndarray:
     constants = block.constants(settings, BEAM)
     step_s = min(LONGEST_S, *block.longest_step_s(settings, BEAM), block.ringing_step_s(settings, BEAM))
     state, found = block.initial(constants), []
-    for k, (first, last) in enumerate(zip(TRIANGLE[:-1], TRIANGLE[1:], strict=True)):
+    for k, (first, last) in enumerate(itertools.pairwise(TRIANGLE)):
         ends, y, area = np.linspace(first, last, parts + 1), 0.0, 0.0
-        for part, (a, b) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+        for part, (a, b) in enumerate(itertools.pairwise(ends)):
             time_s = BEGIN_S + (k + part / parts) * step_s
             state, y, more = through(block, constants, state, time_s, step_s / parts, float(a), float(b))
             area += more

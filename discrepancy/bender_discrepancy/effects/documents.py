@@ -28,7 +28,7 @@ TODO: what happens, and in which device.
 TODO
 ```
 
-TODO: what every symbol is: x = `size`.
+TODO: what every symbol is: s = `{size}`.
 
 ## Typical values
 

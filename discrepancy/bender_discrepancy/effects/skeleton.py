@@ -12,7 +12,7 @@ from bender_plant.blocks import BLOCKS, STAGES
 CHAIN = "plant_src/bender_plant/blocks/__init__.py"
 _ID = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
-_BLOCK = '''"""{title}: TODO what happens, y -> y with size 0.
+_BLOCK = '''"""{title}: TODO what happens, y -> y with {size} 0.
 
 TODO: cause, equation, symbols, source.
 """
@@ -34,21 +34,21 @@ TITLE = "{title}"
 class Parameters:
     """Neutral at zero."""
 
-    size: float = parameter(0.0, unit="1", low=-10.0, high=10.0, text="TODO", tunable=True)
+    {size}: float = parameter(0.0, unit="{unit}", low=-1e6, high=1e6, text="TODO", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (size,)."""
+    """Return ({size},)."""
     del beam
-    return (settings.size,)
+    return (settings.{size},)
 
 
-def changed(y: float, size: float) -> float:
+def changed(y: float, {size}: float) -> float:
     """Return TODO."""
-    del size
+    del {size}
     return y
 
 
@@ -57,8 +57,8 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """TODO."""
     del time_s, h
-    size = constants[0]
-    return state, changed(y0, size), changed(ym, size), changed(y1, size)
+    {size} = constants[0]
+    return state, changed(y0, {size}), changed(ym, {size}), changed(y1, {size})
 '''
 
 _EFFECT = '''"""{title}: TODO."""
@@ -66,12 +66,14 @@ _EFFECT = '''"""{title}: TODO."""
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, amplitude, simple
 
-COVERED = {{"size": (0.01, 1.0)}}
+COVERED = {{"{size}": (0.1, 10.0)}}
+"""At the paper's full drive, 50 V and 23.1 um."""
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("{id}", amplitude("size", 0.01, 2.0)),)
+    # numbers in V and um, 1/um2 or um/V are scaled to the records by `sized`; those without a unit or in s are not
+    size = sizes.sized(amplitude("{size}", 0.1, 20.0), COVERED["{size}"], "{unit}")
+    return (simple("{id}", size),)
 
 
 EFFECT = Effect(
@@ -81,11 +83,11 @@ EFFECT = Effect(
     resembles={{"{neighbour}": "TODO: what separates it"}},
     separation="TODO: what separates it from all of them",
     excitation="TODO: which drive shows it",
-    typical={{"size": (0.0, 0.1, "TODO: where that comes from")}},
+    typical={{"{size}": (0.0, 1.0, "TODO: where that comes from")}},
     covered=COVERED,
     drive="slow_triangle",
     view="reading",
-    example={{"size": 0.1}},
+    example={{"{size}": 1.0}},
     forms=_forms,
 )
 '''
@@ -96,7 +98,7 @@ from typing import Any
 
 import numpy as np
 
-PARAMETERS: list[dict[str, Any]] = [{{"size": 0.1}}]
+PARAMETERS: list[dict[str, Any]] = [{{"{size}": 1.0}}]
 
 
 def oracle(parameters: dict[str, Any], voltages_V: np.ndarray, step_s: float, plain_um: np.ndarray) -> np.ndarray:
@@ -128,7 +130,9 @@ def skeleton(effect_id: str, stage: str, root: Path) -> dict[str, str]:
 
 def _files(effect_id: str, stage: str) -> dict[str, str]:
     title = effect_id.replace("_", " ").capitalize()
+    unit = "V" if stage == "supply" else "um"
     words = {"id": effect_id, "stage": stage, "title": title, "neighbour": _last_of(stage)}
+    words |= {"unit": unit, "size": f"size_{unit}"}
     return {
         f"plant_src/bender_plant/blocks/{effect_id}.py": _BLOCK.format_map(words),
         CHAIN: "",
