@@ -26,7 +26,7 @@ def stairs_of(block_id: str) -> np.ndarray:
     return getattr(FILES.get(block_id), "VOLTS_V", STAIRS)
 
 
-def test_every_effect_has_an_example() -> None:
+def test_every_effect_is_among_the_examples() -> None:
     machinery = {"linear_transduction", "learned_hysteresis", "sparse_equation", "prandtl_ishlinskii", "bouc_wen"}
     assert {block_id for block_id, _ in EXAMPLES} == set(BLOCKS) - machinery - {"bending_modes", "calibration"}
 
