@@ -10,7 +10,9 @@ else
 BIN := $(VENV)/bin
 endif
 RUN := $(BIN)/python
-INSTALL = $(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt
+# Twice quiet: errors only. With a mirror pip warns of every place that it passes over.
+PIP = $(RUN) -m pip --quiet --quiet
+INSTALL = $(PIP) install --constraint constraints.txt --build-constraint constraints.txt
 INSTALLED_DEMO := $(VENV)/.installed-demo
 INSTALLED := $(VENV)/.installed
 INSTALLED_DOCS := $(VENV)/.installed-docs
@@ -83,8 +85,8 @@ $(INSTALLED_DEMO): pyproject.toml constraints.txt
 	@$(PYTHON) -c "import ensurepip, venv" || { echo "This Python cannot make virtual environments; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
 	@echo "Installing into $(VENV); this happens once and may take a few minutes"
 	$(PYTHON) -m venv $(VENV)
-	$(RUN) -m pip install --quiet --constraint constraints.txt --upgrade pip
-	$(RUN) -m pip uninstall --quiet --yes setuptools
+	$(PIP) install --constraint constraints.txt --upgrade pip
+	$(PIP) uninstall --yes setuptools
 	$(INSTALL) --editable ".[bench,pictures]"
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED_DEMO)').touch()"
 
