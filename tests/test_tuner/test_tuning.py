@@ -335,12 +335,15 @@ def test_a_plant_that_is_a_gain_alone_is_drawn(linear_plant: Make) -> None:
     assert low < 1e6 < high
 
 
-def test_the_nyquist_panel_is_full(problem: TuningProblem) -> None:
+def test_the_nyquist_panel_is_full_and_drawn_in_silence(
+    problem: TuningProblem, caplog: pytest.LogCaptureFixture
+) -> None:
     figure = loop_figure(problem, Gains(0.1, 2.0, 0.0))
     figure.draw_without_rendering()
     panel, above, below = (next(x for x in figure.axes if x.get_ylabel().startswith(y)) for y in NYQUIST_AND_BESIDE)
     drawn, upper, lower = (x.get_position() for x in (panel, above, below))
     assert (drawn.y0, drawn.y1) == pytest.approx((lower.y0, upper.y1), abs=0.02)
+    assert caplog.records == []
 
 
 def test_settings_can_be_written_as_json() -> None:

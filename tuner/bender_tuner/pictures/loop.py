@@ -175,8 +175,8 @@ def _draw_nyquist(axes: "Axes", curves: list[Curve], bound: float) -> None:
     axes.annotate(f"Ms = {bound:g}", (-1.0, 1.0 / bound), ha="center", va="bottom", fontsize=8, color=MUTED)
     # the panel shows more above and below, as far as it is higher than it is wide
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlim(-1.0 - 1.0 / bound - _BESIDE_CIRCLES, 1.0 + _BESIDE_CIRCLES)
-    axes.set_ylim(_LOWEST_L, 1.0 + _BESIDE_CIRCLES)
+    axes.set_xlim(-1.0 - 1.0 / bound - _BESIDE_CIRCLES, 1.0 + _BESIDE_CIRCLES, auto=True)
+    axes.set_ylim(_LOWEST_L, 1.0 + _BESIDE_CIRCLES, auto=True)
     dress(axes, x_label="real part of L", y_label="imaginary part of L")
 
 
