@@ -25,7 +25,7 @@ from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
-from bender_plant.model import Model, load_model
+from bender_plant.model import Model, load_model, model_from_table
 
 SINE = Sine(2.0, 20.0, 15.0)
 
@@ -177,6 +177,25 @@ def record_with_noise(factor: float) -> Record:
     volts, time_s = levels(40.0), FRAME_S * np.arange(levels(40.0).size, dtype=np.float64)
     reading_um = Simulator(Drive.of_rows(time_s, volts)).run(load_model("beam")).reading_um
     return replace(clean, displacement_um=reading_um + factor * (clean.displacement_um - reading_um))
+
+
+def test_a_delay_shows_beside_one_that_the_model_has_as_early_as_the_first_one() -> None:
+    blocks = [
+        {"id": "linear_transduction", "sensitivity_um_per_V": 0.5},
+        {"id": "plant_lag", "time_constant_s": 0.1},
+        {"id": "calibration", "gain": 1.0},
+    ]
+    lag = model_from_table({"format": 1, "name": "lag", "block": blocks})
+    volts = levels(40.0)
+    time_s, noise = FRAME_S * np.arange(float(volts.size)), np.random.default_rng(4).standard_normal(volts.size)
+    sizes = []
+    for model in (lag, lag.with_block("transport_delay", delay_s=2.0 * FRAME_S)):
+        readings_um = Simulator(Drive.of_rows(time_s, volts)).run(model).reading_um + NOISE_um * noise
+        sizes.append(smallest_visible(with_forms(told([Record(time_s, volts, readings_um)], base=model))))
+    first, further = (x["transport_delay"] for x in sizes)
+    assert (further.parameter, further.unit, first.further, further.further) == ("delay_s", "s", False, True)
+    assert further.value == pytest.approx(first.value, rel=0.2)
+    assert visible_rows({"transport_delay": further.to_dict()})[0]["size"].endswith("more than the model has")
 
 
 @pytest.mark.slow

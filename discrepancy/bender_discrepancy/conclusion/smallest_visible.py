@@ -22,6 +22,7 @@ from bender_discrepancy.effects.effect import CALIBRATION
 from bender_discrepancy.effects.form import Form, Free, Values
 from bender_discrepancy.fitting.criterion import innovations_square, price
 from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.own_numbers import own_form, own_numbers
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array
 from bender_discrepancy.search.judgement.rules import above_floor_um2
@@ -53,6 +54,7 @@ class Smallest:
         unit: "1" where it has none.
         beside: the other numbers of its form, at which it shows most: name, value and unit.
         below: the effect is the larger, the smaller the parameter is, as with a slew rate: what is below shows.
+        further: the model has the effect already; the value is by how much it would have to be larger.
     """
 
     parameter: str
@@ -60,17 +62,20 @@ class Smallest:
     unit: str
     beside: tuple[tuple[str, float, str], ...] = ()
     below: bool = False
+    further: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of `diagnosis.json`."""
         at = {name: {"value": value, "unit": unit} for name, value, unit in self.beside}
         shown = "below" if self.below else "above"
         entry = {"parameter": self.parameter, "value": self.value, "unit": self.unit, "shown": shown}
-        return entry | ({"at": at} if at else {})
+        return entry | ({"at": at} if at else {}) | ({"further": True} if self.further else {})
 
 
 def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
     """Return the smallest visible size of every effect that was sought, by the effect's id, in the catalogue's order.
+
+    Of one that the model has already, it is the smallest by which it would have to be larger.
 
     Args:
         search: what was found in the records.
@@ -92,8 +97,27 @@ def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
                 simulator.forget()
 
     sizes = parallel_map(smallest, list(plainest.values()))
-    found = dict(zip(plainest, sizes, strict=True)) | _read_off(search)
+    found = _further_than_own(search, beside) | dict(zip(plainest, sizes, strict=True)) | _read_off(search)
     return {name: found[name] for name in EFFECTS if name in found}
+
+
+def _further_than_own(search: SearchResult, beside: "_Standing | None") -> dict[str, Smallest]:
+    """Return by how much more an effect would have to be that the model has already, where it was not fitted again."""
+    form, fitted = own_form(search.base), search.best.hypothesis.own
+    freed = () if fitted is None else tuple(x.name for x in fitted.form.free)
+    found: dict[str, Smallest] = {}
+    for x in own_numbers(search.base):
+        if form is None or x.block not in EFFECTS or x.name in freed:
+            continue
+        further = form
+        for other in form.free:
+            further = further if other.name == x.name else further.holding(other.name, other.starts[0])
+        free = replace(further.free[0], low=x.given, log=False, starts=(), vanishes_at=x.given)
+        further = replace(further, free=(free,))
+        size = None if beside is None else _size(beside, further, ())
+        unit = EFFECTS[x.block].parameters[x.parameter].unit
+        found[x.block] = Smallest(x.parameter, None if size is None else size[0], unit, further=True)
+    return found
 
 
 def _read_off(search: SearchResult) -> dict[str, Smallest]:

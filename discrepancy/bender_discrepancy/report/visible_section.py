@@ -8,6 +8,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_report.wording import figure, quantity
 
 OR_LESS = {"above": "", "below": " or less"}
+MORE = " more than the model has"
 DIGITS = (2, 3, 4, 5, 6, 7)
 
 
@@ -32,7 +33,8 @@ def _row(name: str, entry: Mapping[str, Any]) -> dict[str, str]:
     return {
         "title": heading_of(name),
         "parameter": entry["parameter"],
-        "size": _size(entry["value"], entry["unit"], neutral) + OR_LESS[entry["shown"]],
+        "size": _size(entry["value"], entry["unit"], neutral)
+        + (MORE if entry.get("further") else OR_LESS[entry["shown"]]),
         "at": ", ".join(at),
     }
 
