@@ -4,6 +4,7 @@ Its tables are the settings of the parts, key by key; an unknown key, a wrong ty
 error that names it. Without a file the emulated bench is used, with every default.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -19,8 +20,16 @@ from bender_hil.guard.settings import GuardSettings
 from bender_hil.sensors.kinds import CAMERA, sensor_class, sensor_kinds
 from bender_hil.sensors.table import COMMON, SensorTable, conversion
 from bender_hil.sources.amplifier import Amplifier
-from bender_hil.sources.kinds import SourceSettings, address_of, check_source, source_class, source_kinds
+from bender_hil.sources.kinds import (
+    SourceSettings,
+    address_of,
+    check_source,
+    has_protection,
+    source_class,
+    source_kinds,
+)
 from bender_hil.supply.select import SupplySettings
+from bender_hil.supply.source import USUAL_PROTECTION_V
 from bender_hil.vision.settings import TrackerSettings
 from bender_loop.bounds import Bounds, check_numbers
 from bender_loop.errors import InputError
@@ -35,6 +44,8 @@ _SUPPLY_BOUNDS: dict[str, Bounds] = {
     "spacing_s": (0.0, 1.0),
     "gain": (-1e4, 1e4),
 }
+_BEYOND = 1.1
+"""So many times the highest voltage lies the protection that a source does not have."""
 _LEAST_PERIODS = 2.0
 """So many times between readings the guard waits at the least for one."""
 OF_SENSOR = ("heartbeat_s", "frame_age_s")
@@ -234,14 +245,15 @@ def read_bench(path: Path) -> BenchFile:
     camera_settings = _made(path, "camera.settings", CameraSettings, _table(path, camera, "settings"))
     camera.pop("settings", None)
     emulator = _made(path, "emulator", EmulationSettings, table["emulator"]) if "emulator" in table else None
+    source = _source(path, table)
     bench = BenchFile(
-        source=_source(path, table),
+        source=source,
         amplifier=_made(path, "amplifier", Amplifier, table["amplifier"]) if "amplifier" in table else None,
         sensor=_sensor(path, sensor) if sensor else None,
         camera=_made(path, "camera", CameraTable, camera),
         camera_settings=camera_settings,
         vision=_made(path, "vision", TrackerSettings, _table(path, table, "vision")),
-        guard=_made(path, "guard", GuardSettings, _table(path, table, "guard")),
+        guard=_guard(path, _table(path, table, "guard"), emulator.source("") if emulator else source),
         controller=_made(path, "controller", ControllerTable, _table(path, table, "controller")),
         emulator=emulator,
         metadata=_metadata(path, _table(path, table, "metadata")),
@@ -255,6 +267,17 @@ def read_bench(path: Path) -> BenchFile:
         bench = replace(bench, sensor=emulator.sensor_table(""))
     _check_rate(path, bench)
     return bench
+
+
+def _guard(path: Path, table: dict[str, Any], source: SourceSettings | None) -> GuardSettings:
+    """The limits; a source that has no protection needs no level of it, which then lies above whatever is asked for."""
+    given: dict[str, Any] = {}
+    if source is not None and not has_protection(source) and "protection_V" not in table:
+        ends_V = [table.get(name) for name in ("maximum_V", "minimum_V")]
+        highest_V = max((abs(x) for x in ends_V if isinstance(x, int | float)), default=0.0)
+        if 0.0 < _BEYOND * highest_V < math.inf:
+            given["protection_V"] = max(_BEYOND * highest_V, USUAL_PROTECTION_V)
+    return _made(path, "guard", GuardSettings, table, given)
 
 
 def _source(path: Path, table: dict[str, Any]) -> SourceSettings | None:

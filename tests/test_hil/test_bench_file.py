@@ -23,6 +23,11 @@ from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 from bender_loop.errors import InputError, RunError
 
+GENERATOR = (
+    '[source]\nkind = "generator"\nresource = "ASRL1::INSTR"\nmodel = "SDG"\n'
+    "[amplifier]\ngain = 25\nlowest_V = -250\nhighest_V = 250\n"
+    '[sensor]\nkind = "text"\nresource = "ASRL2::INSTR"\nunit = "um"\n'
+)
 REAL = """
 [supply]
 resource = "TCPIP::192.168.1.7::5025::SOCKET"
@@ -93,7 +98,10 @@ def test_without_a_file_everything_is_emulated():
         ("[suply]\n", r"unknown table 'suply'"),
         ("[guard]\nmaximum = 3\n", "guard.maximum: unknown key"),
         ('[guard]\nmaximum_V = "50"\n', "guard.maximum_V: found '50'"),
-        ("[guard]\nmaximum_V = 60\n", "guard: protection_V must lie above maximum_V"),
+        (
+            "[guard]\nmaximum_V = 60\n",
+            "guard: maximum_V is 60 V and protection_V 55 V [(]its default is 55[)]: set protection_V above maximum_V",
+        ),
         ("[guard]\ntravel_um = [1]\n", "guard.travel_um"),
         ("[guard]\ntravel_um = [5, 1]\n", "guard: travel_um must be two numbers in order"),
         ("guard = 3\n", "guard: found 3, expected a table"),
@@ -122,6 +130,27 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, complaint: str):
         _read(tmp_path, text)
     assert str(tmp_path / "bench.toml") in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "told", "protection_V"),
+    [
+        ('[emulator]\nsupply = "MDT693B"\nsensor = "34465A"\n', "maximum_V = 120\n", 132.0),
+        (GENERATOR, "maximum_V = 200\n", 220.0),
+        (GENERATOR, "minimum_V = -100\n", 110.0),
+        (GENERATOR, "", 55.0),
+        (GENERATOR, "maximum_V = 200\nprotection_V = 300\n", 300.0),
+    ],
+)
+def test_a_source_without_protection_is_not_asked_for_its_level(
+    tmp_path: Path, source: str, told: str, protection_V: float
+):
+    assert _read(tmp_path, f"{source}[guard]\n{told}").guard.protection_V == pytest.approx(protection_V)
+
+
+def test_a_source_with_protection_is_asked_for_its_level(tmp_path: Path):
+    with pytest.raises(InputError, match="set protection_V above maximum_V"):
+        _read(tmp_path, '[emulator]\nsupply = "9115"\n[guard]\nmaximum_V = 60\n')
 
 
 def test_a_file_that_is_not_there(tmp_path: Path):

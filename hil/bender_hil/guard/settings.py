@@ -8,7 +8,7 @@ from typing import Any
 from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.kinds import SourceSettings, kind_of, make_source, source_class
 from bender_hil.supply.parse import Identity
-from bender_hil.supply.source import Bounds, Source
+from bender_hil.supply.source import USUAL_PROTECTION_V, Bounds, Source
 
 _MOST = {
     "maximum_V": 1000.0, "protection_V": 1500.0, "current_limit_A": 10.0, "current_trip_A": 10.0,
@@ -49,7 +49,7 @@ class GuardSettings:
 
     maximum_V: float = 50.0
     minimum_V: float = 0.0
-    protection_V: float = 55.0
+    protection_V: float = USUAL_PROTECTION_V
     current_limit_A: float = 0.01
     current_trip_A: float = 0.008
     slew_V_per_s: float = 250.0

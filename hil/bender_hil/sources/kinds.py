@@ -10,7 +10,7 @@ from bender_hil.sources.line_source import LineSettings
 from bender_hil.sources.simple import GuardedSimple, SimpleSource
 from bender_hil.supply.capability import MODELS
 from bender_hil.supply.parse import Identity
-from bender_hil.supply.select import GENERATOR, SupplySettings
+from bender_hil.supply.select import GENERATOR, SupplySettings, capability_of
 from bender_hil.supply.source import Source
 from bender_loop.shell.plugins import (
     SOURCES,
@@ -72,6 +72,12 @@ def kind_of(settings: SourceSettings) -> str:
 def address_of(settings: object) -> str:
     """Return what tells this source or sensor from any other: its address, or everything that its settings say."""
     return str(getattr(settings, "resource", None) or settings)
+
+
+def has_protection(settings: SourceSettings | None) -> bool:
+    """Whether the source has an overvoltage protection that it can be told the level of."""
+    capability = capability_of(settings.model) if isinstance(settings, SupplySettings) else None
+    return capability is not None and capability.dialect.set_protection is not None
 
 
 def where_to_mend(settings: SourceSettings | None) -> str:

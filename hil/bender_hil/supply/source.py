@@ -6,6 +6,8 @@ from typing import Protocol
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
 
+USUAL_PROTECTION_V = 55.0
+
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
@@ -27,9 +29,12 @@ class Bounds:
     minimum_V: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.maximum_V < self.protection_V:
+        if not self.maximum_V > 0.0:
+            raise ValueError(f"maximum_V must be > 0, found {self.maximum_V!r}")
+        if not self.maximum_V < self.protection_V:
             raise ValueError(
-                f"protection_V must lie above maximum_V > 0, found {self.protection_V!r} and {self.maximum_V!r}"
+                f"maximum_V is {self.maximum_V:g} V and protection_V {self.protection_V:g} V (its default is "
+                f"{USUAL_PROTECTION_V:g}): set protection_V above maximum_V"
             )
         if not -self.protection_V < self.minimum_V <= 0.0:
             raise ValueError(f"minimum_V must lie above -protection_V and not above 0, found {self.minimum_V!r}")
