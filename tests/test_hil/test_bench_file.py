@@ -17,7 +17,7 @@ from bender_hil.calibration.fit import RulerFit, fit_ruler
 from bender_hil.calibration.fringes import find_fringes
 from bender_hil.calibration.pictures import read_picture
 from bender_hil.check import dry_runs
-from bender_hil.guard.start import GuardFaultError
+from bender_hil.guard.start import GuardFaultError, SourceFailedError, SourceRefusedError
 from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
@@ -164,6 +164,8 @@ def test_a_file_that_is_not_there(tmp_path: Path):
         (InputError("maximum_V must lie within -10 ... 10 V"), "dry run at 0 V", "correct the bench file"),
         (NoSensorError("refused"), "sensor", "look at its cable, and at [sensor]; a search"),
         (GuardFaultError("a fault", "mend PSU30 of the package my_bench"), "source", "mend PSU30 of the package"),
+        (SourceRefusedError("ACME PSU answers there"), "source", "correct the bench file; a search"),
+        (SourceFailedError("no answer"), "source", "look at its cable and its address; a search"),
         (RunError("silent"), "dry run at 0 V", "look at cables and addresses; a search"),
     ],
 )

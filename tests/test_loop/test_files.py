@@ -253,6 +253,21 @@ def test_terminal_honours_no_color(monkeypatch: pytest.MonkeyPatch, no_color: bo
     assert bool(COLOUR.search(stream.getvalue())) is not no_color
 
 
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_a_table_of_sentences_is_no_wider_than_the_terminal(columns: int, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    found, advice = " ".join(["another supply answers there"] * 5), " ".join(["correct its address"] * 7)
+    rows = [["source", "failed", found, advice], ["sensor", "fine", "laser", ""]]
+    stream, wide = io.StringIO(), io.StringIO()
+    print_table("check", ["what", "state", "found", "what to do"], rows, stream, of_sentences=True)
+    print_table("check", ["what", "state", "found", "what to do"], rows, wide)
+    lines = stream.getvalue().splitlines()
+    assert max(map(len, lines)) <= columns
+    assert sorted(stream.getvalue().replace("-", "").split()) == sorted(wide.getvalue().replace("-", "").split())
+    assert max(map(len, wide.getvalue().splitlines())) > 200
+    assert len([line for line in lines if line.startswith(("source", "sensor"))]) == 2
+
+
 def test_terminal_table_shows_brackets_as_they_are(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("TERM", "xterm-256color")
     stream = _Terminal()

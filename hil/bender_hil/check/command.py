@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     )
     write_atomically(out / "check.html", text)
     answer({"summary": line, "findings": facts_of(findings)})
-    print_table(f"check of {name}", ["what", "state", "found", "what to do"], rows)
+    print_table(f"check of {name}", ["what", "state", "found", "what to do"], rows, of_sentences=True)
     sys.stdout.write(f"written: {out} (check.json, check.html, the runs)\n{line}\n")
     return int(failed > 0)
 

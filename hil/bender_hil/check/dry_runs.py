@@ -12,7 +12,7 @@ from bender_hil.bench_file import BenchFile
 from bender_hil.check.connected import connected
 from bender_hil.check.findings import FAILED, FINE, REMARK, Finding
 from bender_hil.guard.guard import FAULT, Status
-from bender_hil.guard.start import GuardFaultError
+from bender_hil.guard.start import GuardFaultError, SourceFailedError, SourceRefusedError
 from bender_hil.log.ending import EndOfRun
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.results import write_results
@@ -52,11 +52,15 @@ def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding],
         result = _run(bench, Voltages((0.0,), (0.0,), REST_S), out, fmu)
     except (NoSensorError, NoReadingsError) as error:
         return [Finding("sensor", FAILED, str(error), f"look at its cable, and at [sensor]; {_found_here()}")], None
+    except SourceRefusedError as error:
+        return [Finding("source", FAILED, str(error), f"correct the bench file; {_found_here()}")], None
     except InputError as error:
         advice = _TOO_SLOW if isinstance(error, UnsteadyError) else "correct the bench file"
         return [Finding("dry run at 0 V", FAILED, str(error), advice)], None
     except GuardFaultError as error:
         return [Finding("source", FAILED, error.sentence, error.advice)], None
+    except SourceFailedError as error:
+        return [Finding("source", FAILED, str(error), f"look at its cable and its address; {_found_here()}")], None
     except RunError as error:
         return [Finding("dry run at 0 V", FAILED, str(error), f"look at cables and addresses; {_found_here()}")], None
     found = [*_source(result.log), *_sensor(bench, result.log), _end("dry run at 0 V", bench, result)]

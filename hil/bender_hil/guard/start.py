@@ -29,6 +29,14 @@ class OutputUnknownError(RunError):
     """The run has failed and the output could not be confirmed off; the message is the alarm."""
 
 
+class SourceRefusedError(InputError):
+    """Another source answers, or it cannot do what the limits ask for; nothing is switched on."""
+
+
+class SourceFailedError(RunError):
+    """The source does not answer, or could not be armed; its output is off."""
+
+
 class GuardFaultError(RunError):
     """The source could not be armed because of a fault in the program; its output is off.
 
@@ -52,8 +60,9 @@ class GuardProcess:
         ready: what the guard said about the instrument.
 
     Raises:
-        InputError: another instrument is at the address, or it cannot do what the limits ask for.
-        RunError: no instrument answers, or the guard does not start.
+        SourceRefusedError: another instrument is at the address, or it cannot do what the limits ask for.
+        SourceFailedError: no instrument answers, or it could not be armed.
+        RunError: the guard does not start.
         GuardFaultError: the program failed, and not the instrument.
         OutputUnknownError: it could not be armed, and not be confirmed off either.
     """
@@ -238,7 +247,8 @@ class GuardProcess:
             return OutputUnknownError(f"{sentence}; {ended.alarm}")
         if ended.code == FAULT:
             return GuardFaultError(sentence, where_to_mend(self._orders.source))
-        return InputError(sentence) if ended.status is Status.REFUSED else RunError(sentence)
+        kind = SourceRefusedError if ended.status is Status.REFUSED else SourceFailedError
+        return kind(sentence)
 
     def _has_opened(self) -> bool:
         """Whether a guard that has ended had said who answers, which it does before it switches anything."""
@@ -264,7 +274,7 @@ class GuardProcess:
         self._close_unopened()
         finish(self.process)
         self._channel.close()
-        kind = InputError if message["status"] == Status.REFUSED else RunError
+        kind = SourceRefusedError if message["status"] == Status.REFUSED else SourceFailedError
         resource, sentence = address_of(self._orders.source), message["sentence"]
         return kind(sentence if sentence.startswith(resource) else f"{resource}: {sentence}")
 

@@ -6,8 +6,11 @@ A quiet run shows no progress; a verbose one, and a log, have every step.
 """
 
 import contextlib
+import itertools
 import os
+import shutil
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -116,6 +119,10 @@ class Progress:
 FIRST_S, AT_ONCE_S, AGAIN_S = 1.0, 0.5, 10.0
 """Of silence, after which work is said for the first time, the same where it is known to be long, and again."""
 _BEAT_S = 0.25
+PLAIN_WIDTH = 100
+"""Of a table of sentences where no terminal says how wide it is."""
+_GAP, _FEW_WORDS = 2, 20
+"""Columns of text between two cells, and the least for a cell of sentences."""
 LARGE_BYTES = 32 << 20
 """A file from which on reading takes so long that it is said before anything else."""
 
@@ -174,12 +181,24 @@ def _beat(run: Run, title: str, over: threading.Event) -> None:
 
 
 def print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[Cell]], stream: TextIO | None = None
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[Cell]],
+    stream: TextIO | None = None,
+    *,
+    of_sentences: bool = False,
 ) -> None:
     """Print a table: drawn on a terminal, aligned plain text elsewhere.
 
     Numbers are aligned right, floats with four significant digits, None as a dash. Format a cell yourself, as
     a string, where it needs something else.
+
+    Args:
+        title: above it.
+        columns: their heads.
+        rows: a cell for each column.
+        stream: where to, the standard output unless given.
+        of_sentences: cells hold sentences, which are broken into lines where the table is wider than the terminal.
 
     Raises:
         ValueError: a row has not as many cells as there are columns.
@@ -196,7 +215,8 @@ def print_table(
     if is_rich(target):
         _print_rich(title, columns, texts, right, target)
     else:
-        target.write("\n".join(_plain_lines(title, columns, texts, right)) + "\n")
+        width = shutil.get_terminal_size((PLAIN_WIDTH, 0)).columns if of_sentences else None
+        target.write("\n".join(_plain_lines(title, columns, texts, right, width)) + "\n")
 
 
 def _bar(stream: TextIO) -> "RichProgress":
@@ -226,14 +246,35 @@ def _cell(value: Cell) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _plain_lines(title: str, columns: Sequence[str], texts: list[list[str]], right: list[bool]) -> list[str]:
+def _plain_lines(
+    title: str, columns: Sequence[str], texts: list[list[str]], right: list[bool], most: int | None = None
+) -> list[str]:
     widths = [max(len(row[k]) for row in [columns, *texts]) for k in range(len(columns))]
+    if most is not None:
+        widths = _narrowed(widths, most - _GAP * (len(columns) - 1))
+        texts = [line for row in texts for line in _broken(row, widths)]
 
     def line(cells: Sequence[str]) -> str:
         padded = (c.rjust(w) if r else c.ljust(w) for c, w, r in zip(cells, widths, right, strict=True))
-        return "  ".join(padded).rstrip()
+        return (" " * _GAP).join(padded).rstrip()
 
     return [title, line(columns), line(["-" * width for width in widths]), *(line(row) for row in texts)]
+
+
+def _narrowed(widths: list[int], most: int) -> list[int]:
+    """Return widths of columns that have room beside each other: the widest give way first, down to a few words."""
+    narrowed = list(widths)
+    while sum(narrowed) > most and max(narrowed) > _FEW_WORDS:
+        narrowed[narrowed.index(max(narrowed))] -= 1
+    return narrowed
+
+
+def _broken(row: list[str], widths: list[int]) -> list[list[str]]:
+    """Return the lines of a row whose cells are broken between words; a word that is longer is left whole."""
+    parts = [
+        textwrap.wrap(x, w, break_long_words=False, break_on_hyphens=False) for x, w in zip(row, widths, strict=True)
+    ]
+    return [list(line) for line in itertools.zip_longest(*parts, fillvalue="")]
 
 
 def _print_rich(title: str, columns: Sequence[str], texts: list[list[str]], right: list[bool], stream: TextIO) -> None:
