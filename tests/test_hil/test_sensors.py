@@ -1,8 +1,10 @@
 """Sensors that are no camera, oscilloscopes among them: their words, calibration, and what the loop sees."""
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,13 @@ from emulated_bench import ScriptedLink
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bender_cli.main import main
 from bender_emulator.sensors.scope import SCOPE_INSTRUMENTS
 from bender_emulator.sensors.settings import SCOPES as EMULATED
 from bender_emulator.sensors.settings import SensorEmulation
 from bender_emulator.sensors.transducer import Transducer
 from bender_emulator.servers import TcpServer
-from bender_hil.calibration.sensor_scale import SensorCalibration, fit_sensor
+from bender_hil.calibration.sensor_scale import BEYOND, SensorCalibration, fit_sensor
 from bender_hil.runner.picture_checks import NoiseCheck
 from bender_hil.runner.program import Decision
 from bender_hil.runner.tip_camera import Sight
@@ -537,3 +540,18 @@ def test_a_loop_over_it_reaches_its_set_point(model: str, tmp_path, monkeypatch:
     assert main(["hil", "--bench", "bench.toml", "--setpoint", "12", "--duration", "3", "--out", "run"]) == 0
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["step"]["steady_state_error_um"] == pytest.approx(0.0, abs=0.2)
+
+
+def test_the_calibration_of_a_sensor_comes_with_a_picture_of_its_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
+    out = tmp_path / "sensor.toml"
+    assert main(["calibrate", "--sensor", "0.5:0", "2.4:51", "4.5:100", "--out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["written"] == [str(out), str(out.with_suffix(".png"))]
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_margin_of_a_calibration_is_the_one_that_the_page_says():
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "calibrate-a-sensor.md"
+    assert f"up to {100.0 * BEYOND:g} % of the span" in page.read_text(encoding="utf-8")

@@ -51,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, default=Path("calibration.toml"), metavar="FILE",
-        help="the result; a picture of the fit goes beside it (default: calibration.toml)",
+        help="the result; a picture of the fit goes beside it, of a sensor where the extra pictures is installed "
+        "(default: calibration.toml)",
     )  # fmt: skip
     parser.add_argument("--force", action="store_true", help="replace a calibration that is there")
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from bender_hil.calibration.command import refuse_bad_out
 from bender_hil.calibration.sensor_scale import LARGEST_DEGREE, SensorCalibration, fit_sensor
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory
+from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import print_table
 from bender_loop.shell.run import answer
 from bender_loop.tables.table import read_table
+from bender_report.drawing import can_draw, no_pictures
 
 _SHOWN = 5
 _BOW = 0.002
@@ -47,10 +48,17 @@ def calibrate_sensor(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise InputError(f"--sensor: {error}") from None
     prepare_directory(arguments.out.parent)
+    written = [arguments.out]
+    if can_draw():
+        from bender_hil.calibration.sensor_picture import sensor_picture
+
+        written.append(arguments.out.with_suffix(".png"))
+        write_atomically(written[-1], sensor_picture(fit, readings, displacements_um))
     fit.save(arguments.out)
-    answer(asdict(fit) | {"span_um": fit.span_um, "span_percent": fit.span_percent, "written": [str(arguments.out)]})
+    names = [str(path) for path in written]
+    answer(asdict(fit) | {"span_um": fit.span_um, "span_percent": fit.span_percent, "written": names})
     _print(fit)
-    sys.stdout.write(f"written: {arguments.out}\n")
+    sys.stdout.write(f"written: {', '.join(names)}\n" + ("" if can_draw() else f"{no_pictures()}\n"))
     return 0
 
 

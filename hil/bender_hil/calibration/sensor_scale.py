@@ -20,7 +20,7 @@ from bender_loop.shell.files import write_atomically
 from bender_loop.shell.toml_file import read_toml_file
 
 LARGEST_DEGREE = 5
-_BEYOND = 0.02
+BEYOND = 0.02
 """Readings so far outside the calibrated span, as a part of it, are still believed."""
 
 
@@ -67,8 +67,8 @@ class SensorCalibration:
             raise ValueError("coefficients_um, covariance_um2: found a number that is not finite")
 
     def to_um(self, reading: float) -> float:
-        """Return the displacement in µm; NaN outside the calibrated span."""
-        beyond = _BEYOND * (self.high - self.low)
+        """Return the displacement in µm; NaN further outside the calibrated span than `BEYOND`."""
+        beyond = BEYOND * (self.high - self.low)
         if not self.low - beyond <= reading <= self.high + beyond:
             return math.nan
         scaled, total = self._scaled(reading), 0.0
