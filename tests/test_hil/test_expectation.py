@@ -473,7 +473,7 @@ def test_a_wire_that_creeps_away_in_an_open_loop_is_told_and_creep_that_slows_do
     time_s = PERIOD_S * np.arange(600)
     command_V = 20.0 - 20.0 * np.cos(np.pi * time_s)
     wire_um = 0.4 * command_V + rate_um_per_s * time_s
-    assert "creeps away" in _line(_log(wire_um.tolist(), command_V.tolist(), None))
+    assert "it creeps, or what looks at it moves" in _line(_log(wire_um.tolist(), command_V.tolist(), None))
     material_um = 0.4 * command_V + 8.0 * rate_um_per_s * (1.0 - np.exp(-time_s / 4.0))
     assert _line(_log(material_um.tolist(), command_V.tolist(), None)).startswith("as planned")
 
@@ -522,7 +522,7 @@ def test_missing_frames_are_counted(seed: int, share: float):
     kept = [True, *(np.random.default_rng(seed).uniform(size=298) > share).tolist(), True]
     log = _log([0.0] * 300, [0.0] * 300, None, kept)
     assert missing_frames(log) == 300 - sum(kept)
-    assert f"{300 - sum(kept)} frames missing" in _line(log)
+    assert f"{300 - sum(kept)} readings missing" in _line(log)
 
 
 def test_a_camera_a_little_beside_its_rate_misses_nothing():

@@ -145,7 +145,7 @@ def test_frames_are_read_whole_however_they_are_cut_and_an_unplugged_head_says_s
     wire = Wire(stream)
     table = SensorTable("laser_head", LaserHead("127.0.0.1", wire.port), rate_Hz=200.0)
     sensor = table.instrument.make(table.rate_Hz)
-    with SensorEyes(sensor, conversion(sensor.unit, None)) as eyes:
+    with SensorEyes(sensor, conversion(sensor.unit, None), name="laser_head (127.0.0.1)") as eyes:
         assert eyes.identity == Identity("Lasertron", "LT30", "0815", "1")
         eyes.zero(20)
         assert 0.002 < eyes.noise_um < 0.05
@@ -159,6 +159,7 @@ def test_frames_are_read_whole_however_they_are_cut_and_an_unplugged_head_says_s
         for code, is_told in (("frame_age", True), ("travel", False)):
             ended = _explained(Ended(Status.TRIPPED, code, "as the guard has it", "", {}), eyes)
             assert ("the laser head closed the link" in str(ended.sentence)) == is_told
+            assert ("; sensor: laser_head (127.0.0.1)" in str(ended.sentence)) == is_told
 
 
 @pytest.mark.parametrize(("code", "is_told"), [("heartbeat", True), ("frame_age", True), ("travel", False)])

@@ -10,7 +10,7 @@ from few import few
 from bender_emulator.microscope.scene import Scene
 from bender_emulator.microscope.settings import SceneSettings
 from bender_hil.calibration import Calibration
-from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck
+from bender_hil.runner.picture_checks import FROZEN_READING, AnswerCheck, FrozenCheck
 from bender_hil.runner.program import Decision
 from bender_hil.runner.tip_camera import Sight
 from bender_hil.vision.settings import TrackerSettings
@@ -173,6 +173,10 @@ def test_more_than_the_allowed_frozen_frames_end_the_run():
     trip = check.see(_sight(0.0, 1.0, 3), Decision(0.0, None))
     assert trip is not None
     assert trip.code == "frozen"
+    of_sensor = FrozenCheck(2, FROZEN_READING).see(_sight(0.0, 1.0, 3), Decision(0.0, None))
+    assert of_sensor is not None
+    assert "reading" in of_sensor.sentence
+    assert "picture" not in of_sensor.sentence
 
 
 def _answers(tips: list[float | None], volts: list[float], noise_um: float = 0.05) -> int | None:

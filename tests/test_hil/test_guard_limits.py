@@ -22,14 +22,14 @@ WELL = Situation(now_s=10.0, beat_s=10.0, frame_s=10.0, tip_um=0.0, lowest_V=20.
     ("at_bound", "beyond", "code", "sentence"),
     [
         ({"beat_s": 9.75}, {"beat_s": 9.5}, "heartbeat", "the controller was silent for 500 ms, allowed: 250 ms"),
-        ({"frame_s": 9.5}, {"frame_s": 9.25}, "frame_age", "the newest frame is 750 ms old, allowed: 500 ms"),
+        ({"frame_s": 9.5}, {"frame_s": 9.25}, "frame_age", "the newest reading is 750 ms old, allowed: 500 ms"),
         (
             {"frame_s": 10.0 + 2**-7},
             {"frame_s": 1010.0},
             "frame_age",
-            "the newest frame is 1000000 ms ahead of now: its time is not one of time.perf_counter",
+            "the newest reading is 1000000 ms ahead of now: its time is not one of time.perf_counter",
         ),
-        ({"lost": 2}, {"lost": 3}, "lost_tip", "3 frames in a row without a tip, allowed: 2"),
+        ({"lost": 2}, {"lost": 3}, "lost_tip", "3 readings in a row without a tip, allowed: 2"),
         ({"tip_um": -8.0}, {"tip_um": -8.25}, "travel", "the tip is at -8.25 µm, allowed: -8 ... 40 µm"),
         ({"tip_um": 40.0}, {"tip_um": 40.25}, "travel", "the tip is at 40.25 µm, allowed: -8 ... 40 µm"),
         ({"measured_V": 18.5}, {"measured_V": 18.25}, "band", "18.250 V are measured, expected 18.500 ... 23.500 V"),

@@ -23,11 +23,11 @@ STEP = StepMetrics(1.0, 1.0, 8.0, 0.2, 0.5, 0.0, 40.0, 40.0)
     ("change", "swings", "overshoot", "words"),
     [
         ({"late": 16, "ticks": 90}, 0, 8.0, "16 of 90 ticks late"),
-        ({"lost": 20}, 0, 8.0, "20 of 900 frames without a tip"),
-        ({"skipped": 62}, 0, 8.0, "62 frames skipped"),
+        ({"lost": 20}, 0, 8.0, "20 of 900 readings without a tip"),
+        ({"skipped": 62}, 0, 8.0, "62 readings skipped"),
         ({}, 5, 8.0, "it oscillated"),
         ({}, 0, 39.0, "wide overshoot (39 %)"),
-        ({"ticks": 0}, 0, 8.0, "not one frame"),
+        ({"ticks": 0}, 0, 8.0, "not one reading"),
     ],
 )
 def test_the_last_line_never_says_as_planned_over_what_a_person_has_to_know(
@@ -43,7 +43,7 @@ def test_the_last_line_never_says_as_planned_over_what_a_person_has_to_know(
 def test_the_last_line_of_a_good_run_counts_what_there_was():
     assert last_line(conduct(WELL, 0, STEP), PLANNED) == "as planned; output off"
     line = last_line(conduct(replace(WELL, late=1, lost=2), 4, None), PLANNED)
-    assert line == "as planned; 1 of 900 ticks late, 2 of 900 frames without a tip; output off"
+    assert line == "as planned; 1 of 900 ticks late, 2 of 900 readings without a tip; output off"
     line = last_line(conduct(replace(WELL, late=90), 0, None), EndOfRun("interrupted", "x", "", "SIGTERM"))
     assert line == "interrupted by SIGTERM; 90 of 900 ticks late; output off"
     line = last_line(conduct(WELL, 0, None), EndOfRun("band", "3 V are measured", "", None))
@@ -125,7 +125,8 @@ def test_the_page_of_a_run_needs_nothing_else(tmp_path: Path):
     assert drawings == ["wide", "narrow"] * 3
     assert "a&lt;b" in text
     assert "ticks &lt;&amp;&gt;" in text
-    assert "frames without a tip: 1" in text
+    assert "readings without a tip: 1" in text
+    assert not re.search(r"\b(frames?|wire)\b", text)
     # tick 7 came on the wire after 50 ms: the chart marks what the last line counts
     assert "late ticks: 1<" in text
     assert "output off at" in text

@@ -58,12 +58,12 @@ def judge(limits: GuardSettings, seen: Situation) -> Trip | None:
         return Trip("heartbeat", f"the controller was silent for {_ms(silence_s)}, allowed: {_ms(limits.heartbeat_s)}")
     age_s = 0.0 if seen.frame_s is None else seen.now_s - seen.frame_s
     if age_s < -_AHEAD_S:
-        sentence = f"the newest frame is {_ms(-age_s)} ahead of now: its time is not one of time.perf_counter"
+        sentence = f"the newest reading is {_ms(-age_s)} ahead of now: its time is not one of time.perf_counter"
         return Trip("frame_age", sentence)
     if age_s > limits.frame_age_s:
-        return Trip("frame_age", f"the newest frame is {_ms(age_s)} old, allowed: {_ms(limits.frame_age_s)}")
+        return Trip("frame_age", f"the newest reading is {_ms(age_s)} old, allowed: {_ms(limits.frame_age_s)}")
     if seen.lost > limits.lost_frames:
-        return Trip("lost_tip", f"{seen.lost} frames in a row without a tip, allowed: {limits.lost_frames}")
+        return Trip("lost_tip", f"{seen.lost} readings in a row without a tip, allowed: {limits.lost_frames}")
     low_um, high_um = limits.travel_um
     if seen.tip_um is not None and not low_um <= seen.tip_um <= high_um:
         return Trip("travel", f"the tip is at {seen.tip_um:.2f} µm, allowed: {low_um:g} ... {high_um:g} µm")

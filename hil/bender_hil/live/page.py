@@ -156,7 +156,7 @@ def facts(shown: Shown) -> list[tuple[str, str]]:
         ("command", told or _value(latest.command_V if latest else None, "V", "-")),
         ("measured", output.voltage(at_s)),
         (
-            "frame to command",
+            "reading to command",
             f"median {latency[len(latency) // 2]:.1f} ms, most {latency[-1]:.1f} ms" if latency else "-",
         ),
         ("ticks, late, lost", f"{view.ticks}, {view.late}, {view.lost}"),
@@ -240,7 +240,7 @@ CHARTS = (
     ),
     (
         "latency",
-        "From frame to command",
+        "From reading to command",
         _options("ms", ("in time", "late"), ("rising", "without"), dots=("in time", "late")),
     ),
     ("residual", "Watch: measured beside the model", _options("σ", ("residual",), ("with",))),

@@ -63,16 +63,16 @@ def conduct(summary: Summary, swings: int, step: StepMetrics | None, unexpected:
         remarks.append(f"wide overshoot ({step.overshoot_percent:.0f} %)")
     for count, words in (
         (summary.late, f"{summary.late} of {summary.ticks} ticks late"),
-        (summary.lost, f"{summary.lost} of {summary.ticks} frames without a tip"),
-        (summary.skipped, f"{summary.skipped} frames skipped"),
-        (summary.missing, f"{summary.missing} frames missing"),
+        (summary.lost, f"{summary.lost} of {summary.ticks} readings without a tip"),
+        (summary.skipped, f"{summary.skipped} readings skipped"),
+        (summary.missing, f"{summary.missing} readings missing"),
     ):
         if count:
             (counts if count <= FEW * summary.ticks else remarks).append(words)
     if summary.clamped:
         counts.append(f"{summary.clamped} commands clamped by the guard")
     if not summary.ticks:
-        remarks.append("not one frame led to a command")
+        remarks.append("not one reading led to a command")
     return Conduct(tuple(remarks), tuple(counts))
 
 

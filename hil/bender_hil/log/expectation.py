@@ -107,7 +107,7 @@ def _creeping(time_s: Array, tip_um: Array, acting_V: Array) -> list[str]:
     first_um, second_um = (_run(*half) for half in zip(*halves, strict=True))
     if second_um * first_um <= 0.0 or abs(second_um) < _STEADY * abs(first_um):
         return []
-    return [f"the tip drifts by {rate_um_per_s:+.2f} µm/s whatever the command: the wire or its picture creeps away"]
+    return [f"the tip drifts by {rate_um_per_s:+.2f} µm/s whatever the command: it creeps, or what looks at it moves"]
 
 
 def _stuck(time_s: Array, tip_um: Array, command_V: Array, expected: dict[str, Any]) -> list[str]:
@@ -201,7 +201,7 @@ def _drift(time_s: Array, command_V: Array, range_V: float) -> list[str]:
     if abs(second_V) < _STEADY * abs(first_V):
         return []
     rate = (first_V + second_V) / float(time_s[settled][-1] - time_s[settled][0])
-    return [f"the command drifts by {rate:+.2f} V/s at a constant set-point: the wire or its picture moves slowly"]
+    return [f"the command drifts by {rate:+.2f} V/s at a constant set-point: the tip creeps, or what looks at it moves"]
 
 
 def _run(time_s: Array, values: Array) -> float:

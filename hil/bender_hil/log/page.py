@@ -122,10 +122,12 @@ def _sections(log: RunLog) -> list[Section]:
     guard = "; ".join(f"{what} at {at_s:.2f} s" for at_s, what in events) or "its journal is empty"
     return [
         _section(
-            "Tip and set-point", [(SET_POINT, "set-point"), (TIP, "tip"), (BAD, f"frames without a tip: {lost}")], tip
+            "Tip and set-point", [(SET_POINT, "set-point"), (TIP, "tip"), (BAD, f"readings without a tip: {lost}")], tip
         ),
         _section("Voltage", [(COMMAND, "command"), (MEASURED, "measured"), (BAD, f"guard: {guard}")], volts),
-        _section("From frame to command", [(COMMAND, "delay"), (BAD, f"the deadline; late ticks: {len(late)}")], delay),
+        _section(
+            "From reading to command", [(COMMAND, "delay"), (BAD, f"the deadline; late ticks: {len(late)}")], delay
+        ),
     ]
 
 

@@ -149,7 +149,7 @@ def _rows(summary: Summary, swings: int, step: StepMetrics | None, stairs: Stair
             "ticks, skipped, missing, late, lost",
             f"{summary.ticks}, {summary.skipped}, {summary.missing}, {summary.late}, {summary.lost}",
         ],
-        ["frame to command, ms: median, p99, max", f"{median:.2f}, {high:.2f}, {most:.2f}"],
+        ["reading to command, ms: median, p99, max", f"{median:.2f}, {high:.2f}, {most:.2f}"],
         ["commands clamped, slowed by the guard", f"{summary.clamped}, {summary.slowed}"],
         ["swings that the set-point does not explain", swings],
         ["output off, harmless, ms after the end", f"{_ms(summary.off_after_ms)}, {_ms(summary.harmless_after_ms)}"],

@@ -127,7 +127,7 @@ class ControlLoop:
             if sight is None:
                 age_s, allowed_s = self._eyes.stalled_s(), self._settings.frame_age_s
                 if age_s > allowed_s:
-                    sentence = f"no frame for {1e3 * age_s:.0f} ms, allowed: {1e3 * allowed_s:.0f} ms"
+                    sentence = f"no reading for {1e3 * age_s:.0f} ms, allowed: {1e3 * allowed_s:.0f} ms"
                     return self._end(Trip("camera_stalled", sentence))
                 self._guard.beat()
                 continue

@@ -28,24 +28,26 @@ MOST_NOISES, LEAST_SHARE = 20.0, 0.02
 """Scatter that is too much: so many times that at rest, and at the least this share of the travel."""
 _READINGS = 20
 LEAST_NOISE_UM = 0.02
+FROZEN_PICTURE = "the picture around the wire has not changed for {} frames"
+FROZEN_READING = "the reading has not changed for {} times as long as a live one may stay the same"
 
 
 class FrozenCheck:
-    """Ends a run when the picture around the wire does not change any more.
+    """Ends a run when the picture around the wire, or the reading of a sensor, does not change any more.
 
     Args:
-        allowed: so many pictures in a row may repeat the one before.
+        allowed: so many in a row may repeat the one before.
+        sentence: for the message, with `{}` for how many did.
     """
 
-    def __init__(self, allowed: int) -> None:
-        self._allowed = allowed
+    def __init__(self, allowed: int, sentence: str = FROZEN_PICTURE) -> None:
+        self._allowed, self._sentence = allowed, sentence
 
     def see(self, sight: Sight, decision: Decision) -> Trip | None:  # noqa: ARG002
         """Take a tick."""
         if sight.frozen <= self._allowed:
             return None
-        sentence = f"the picture around the wire has not changed for {sight.frozen} frames, allowed: {self._allowed}"
-        return Trip("frozen", sentence)
+        return Trip("frozen", f"{self._sentence.format(sight.frozen)}, allowed: {self._allowed}")
 
 
 class AnswerCheck:

@@ -29,7 +29,7 @@ from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.loop import CONTROLLER_FAILED, ControlLoop, LoopSettings, Witness
 from bender_hil.runner.oscillation import OscillationWatch, ranges_of
-from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck, NoiseCheck
+from bender_hil.runner.picture_checks import FROZEN_READING, AnswerCheck, FrozenCheck, NoiseCheck
 from bender_hil.runner.program import KeepsFiles, Program
 from bender_hil.runner.run_folder import plain, run_directory, sha256, versions
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
@@ -46,6 +46,8 @@ EMULATED_DELAY_S = 0.002
 
 
 _WITHOUT_READINGS = ("frame_age", "camera_stalled")
+_BY_THE_SENSOR = (*_WITHOUT_READINGS, "lost_tip", "frozen", "noise", "no_tip")
+"""Rules that end a run by what its sensor does; which one it is is said with them."""
 _WITHOUT_COMMANDS = ("heartbeat", "frame_age")
 _STALL_S = 0.5
 """Beyond the age of a frame, for samples that come in blocks."""
@@ -246,7 +248,7 @@ def _loop(
     if isinstance(program, Buffered) and isinstance(eyes, SensorEyes):
         return BufferedLoop(eyes, guard, program, journal, limits.travel_um, limits.frame_age_s + _STALL_S, heard)
     checks = (
-        FrozenCheck(limits.lost_frames),
+        FrozenCheck(limits.lost_frames) if bench.sensor is None else FrozenCheck(limits.lost_frames, FROZEN_READING),
         AnswerCheck(controller.response_um_per_V, controller.slack_V, lambda: eyes.noise_um),
         OscillationWatch(ranges_of(limits)),
         *([] if bench.sensor is None else [NoiseCheck(ranges_of(limits).travel_um, lambda: eyes.noise_um)]),
@@ -307,8 +309,10 @@ def _explained(
         return ended._replace(sentence=f"{ended.sentence}; {where_to_mend(source)}")
     if trip is not None and trip.code == CONTROLLER_FAILED and ended.code in _WITHOUT_COMMANDS:
         return ended._replace(sentence=f"{ended.sentence} ({trip.sentence})")
-    why = eyes.trouble() if isinstance(eyes, SensorEyes) and ended.code in _WITHOUT_READINGS else ""
-    return ended._replace(sentence=f"{ended.sentence} ({why})") if why else ended
+    if not isinstance(eyes, SensorEyes) or ended.code not in _BY_THE_SENSOR:
+        return ended
+    why = eyes.trouble() if ended.code in _WITHOUT_READINGS else ""
+    return ended._replace(sentence=f"{ended.sentence}; sensor: {eyes.name}{why and ': '}{why}")
 
 
 def _with_alarm(error: RunError, ended: Ended) -> RunError:

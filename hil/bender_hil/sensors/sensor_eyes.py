@@ -167,6 +167,11 @@ class SensorEyes:
         """Age of the newest reading, or seconds since opening."""
         return time.perf_counter() - self._fresh_s
 
+    @property
+    def name(self) -> str:
+        """Of the sensor and where it is."""
+        return self._name
+
     def trouble(self) -> str:
         """What the sensor itself raised since its newest reading, empty where it raised nothing."""
         return self._failure
