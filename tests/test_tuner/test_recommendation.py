@@ -113,6 +113,13 @@ def test_a_refusal_says_by_what_it_was_judged(unknown: tuple[Session, dict]):
     )
 
 
+def test_a_refusal_begins_with_the_options_that_may_turn_it_round(unknown: tuple[Session, dict]):
+    assert unknown[1]["sentence"].startswith(
+        "model following is not recommended: try --gain-error PERCENT where the gain is known better than within 30 % "
+        "(the default assumption), or --late-frames 0 where one clock times the loop; "
+    )
+
+
 def test_what_runs_away_where_the_gains_hold_is_refused_whatever_a_diagnosis_says(known: tuple[Session, dict]):
     chosen = known[0].following
     assert chosen is not None

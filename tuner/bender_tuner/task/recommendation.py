@@ -230,9 +230,22 @@ def _why(alone: Score, followed: Score, recommended: bool, device: Device, harme
     if followed.rms_um >= alone.rms_um or not judged:
         return _REFUSAL + values
     return (
-        f"{_REFUSAL}{values}; on the model itself it is nearer to the set-point, {followed.rms_um:.4g} against "
-        f"{alone.rms_um:.4g} µm rms. It is {judged}: say so where the device is known better"
+        f"{_REFUSAL}{_known_better(device)}; on the model itself it is nearer to the set-point, {followed.rms_um:.4g} "
+        f"against {alone.rms_um:.4g} µm rms. The {values}, {judged}"
     )
+
+
+def _known_better(device: Device) -> str:
+    """Return the options that may turn a refusal round, and what was assumed in their place."""
+    percent = f"{device.gain_error_percent:.3g} %"
+    if device.by_diagnosis:
+        assumed = "as the diagnosis has it"
+    else:
+        assumed = "the default assumption" if device.gain_error_percent == GAIN_ERROR_PERCENT else "as you said"
+    gain = f"--gain-error PERCENT where the gain is known better than within {percent} ({assumed})"
+    late = "--late-frames 0 where one clock times the loop"
+    said = [x for x, counts in ((gain, device.gain_error_percent), (late, device.late_frames)) if counts]
+    return f"try {', or '.join(said)}" if said else "it was judged on the model itself"
 
 
 def _judged(device: Device) -> str:
