@@ -315,6 +315,11 @@ def test_a_nonlinear_part_is_said_with_what_both_leave_on_unseen_blocks():
     assert found.rival_rms < found.best.held_out_rms
     said = choice_sentence(found)
     assert f"{found.rival_rms:.4g} against {found.best.held_out_rms:.4g}" in said
+    assert "not by the last column" not in said
+    simplest = min(found.scores, key=lambda x: x.numbers)
+    richer = replace(simplest, fits=tuple(replace(x, structure=Structure(lags=2)) for x in simplest.fits))
+    beside = replace(found, scores=(simplest, richer), selected=richer)
+    assert "not by the last column, where each stands alone" in choice_sentence(beside)
 
 
 def levels(rows: int, seed: int, hold: int = 12) -> np.ndarray:
