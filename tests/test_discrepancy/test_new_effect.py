@@ -19,8 +19,8 @@ CEILING_um = 15.0
 
 # what a person writes: a sensor whose reading goes no higher than a ceiling
 BLOCK = {
-    'size_um: float = parameter(0.0, unit="um", low=-1e6, high=1e6, text="TODO", tunable=True)': (
-        'ceiling_um: float = parameter(1e6, unit="um", low=0.0, high=1e6, text="highest reading", tunable=True)'
+    'size_um: float = parameter(0.0, unit="um", text="TODO", tunable=True)': (
+        'ceiling_um: float = parameter(1e9, unit="um", low=0.0, text="highest reading", tunable=True)'
     ),
     "Neutral at zero.": "The highest reading.",
     "(settings.size_um,)": "(settings.ceiling_um,)",

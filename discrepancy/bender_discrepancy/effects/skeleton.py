@@ -34,7 +34,7 @@ TITLE = "{title}"
 class Parameters:
     """Neutral at zero."""
 
-    {size}: float = parameter(0.0, unit="{unit}", low=-1e6, high=1e6, text="TODO", tunable=True)
+    {size}: float = parameter(0.0, unit="{unit}", text="TODO", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)
