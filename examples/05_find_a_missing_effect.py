@@ -13,5 +13,6 @@ displacement_um = bench.simulate(time_s, voltage_V) + 0.06 * rng.standard_normal
 found = pb.diagnose({"time_s": time_s, "voltage_V": voltage_V, "displacement_um": displacement_um}, "paper")
 print(f"{found.verdict}: {found.reason}")
 for effect in found.added:
-    numbers = ", ".join(f"{x.name} = {x.value:.4g} ± {x.std:.2g} {x.unit}" for x in effect.numbers)
-    print(f"  {effect.id} ({numbers})")
+    for x in effect.numbers:
+        low, high = x.interval or (x.value, x.value)
+        print(f"  {effect.id}: {x.name} = {x.value:.4g} {x.unit}, 95 % between {low:.4g} and {high:.4g}")

@@ -66,7 +66,7 @@ from bender_plant.blocks.periodic_disturbance import ringing_step_s
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
-from bender_report.wording import listed
+from bender_report.wording import HALF_WIDTH, listed
 
 MOST_EFFECTS = 5
 # what an effect of the ringing is sized by in a model that has none
@@ -274,11 +274,11 @@ def conclude(
             findings, gap, content = _measured(found, names, tell, box, driver)
     is_certain = any(x.grade == "certain" for x in found.grades.effects)
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
-        share, error = (100.0 * x for x in gap.closed)
+        share, width = 100.0 * gap.closed[0], 100.0 * HALF_WIDTH * gap.closed[1]
         least, effects = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
         close = "closes" if len(found.best.hypothesis.effects) == 1 else "close"
         found = found.without_certainty(
-            f"on held-out readings {effects} {close} {share:.0f} ± {error:.0f} % of the gap, less than {least:.0f} %",
+            f"on held-out readings {effects} {close} {share:.0f} ± {width:.0f} % of the gap, less than {least:.0f} %",
             gap.closed[0],
         )
         findings = with_origin(find(found).closing(gap), names)

@@ -15,13 +15,19 @@ _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _RIG_UNITS = r"V/[µu]m|V/\([µu]m s\)|V s/[µu]m|V/s|(?:[µu]m|V)(?:/V2?)?"
 """Units with a volt or a micrometre in them, as sentences and labels have them."""
 _SMALL, _LARGE = 1e-3, 1e5
-# from this many times the value on, a deviation is given beside it, not to the same digits
+# from this many times the value on, the half-width is given beside it, not to the same digits
 WIDE = 5.0
 WHOSE_DELAY = (
     "a record alone cannot distinguish a delay of the sensor from one of the actuator; find that of the sensor (data "
     "sheet, or a test without the actuator) and enter it in the bench file, as `delay_s` of [sensor] or [camera]"
 )
 """What is to be known of a delay that was found."""
+HALF_WIDTH = 1.96
+"""Standard deviations to either end of an interval of 95 %."""
+LOPSIDED = 0.1
+"""An interval is told by its ends where one of them is further off than the other by more than this part."""
+IN_WORDS = "± and (a to b) tell the interval of 95 %, which holds the true value 19 times in 20"
+
 
 _shown: ContextVar[Mapping[str, str] | None] = ContextVar("units shown in the place of V and um", default=None)
 
@@ -121,20 +127,35 @@ def _plain(value: float, places: int) -> str:
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
 
 
-def uncertain(value: float, std: float, unit: str = "1") -> str:
-    """Return a number with its standard deviation, both to the digits that it leaves: `0.0601 ± 0.0004`."""
+def with_interval(number: Number) -> str:
+    """Return a number with its interval of 95 %: `0.0601 ± 0.0008 µm`, or `14.2 (13.7 to 16) ms` where it leans."""
+    if number.interval is None:
+        return uncertain(number.value, math.inf if number.std else 0.0, number.unit)
+    low, high = number.interval
+    below, above = number.value - low, high - number.value
+    if abs(above - below) <= LOPSIDED * max(above, below):
+        return uncertain(number.value, 0.5 * (high - low), number.unit)
+    ending = f" {unit_text(number.unit)}" if unit_text(number.unit) else ""
+    return f"{figure(number.value)} ({figure(low)} to {figure(high)}){ending}"
+
+
+def uncertain(value: float, half_width: float, unit: str = "1") -> str:
+    """Return a number with the half-width of its interval of 95 %, both to the digits that it leaves.
+
+    `0.0601 ± 0.0008`; a half-width of 0 is that of a number that is fixed, an infinite one that of an unknown interval.
+    """
     ending = f" {unit_text(unit)}" if unit_text(unit) else ""
-    if std == 0.0:
+    if half_width == 0.0:
         return f"{figure(value)}{ending}"
-    if not math.isfinite(std):
+    if not math.isfinite(half_width):
         return f"{figure(value)} ± ?{ending}"
-    if std > WIDE * abs(value):
-        return f"{figure(value, 2)} ± {figure(std, 2)}{ending}"
-    exponent = math.floor(math.log10(max(abs(value), std)))
-    shift = exponent if not _SMALL <= max(abs(value), std) < _LARGE else 0
-    scaled, deviation = value / 10.0**shift, std / 10.0**shift
-    places = 1 - math.floor(math.log10(deviation))
-    both = f"{_fixed(scaled, places)} ± {_fixed(deviation, places)}"
+    if half_width > WIDE * abs(value):
+        return f"{figure(value, 2)} ± {figure(half_width, 2)}{ending}"
+    exponent = math.floor(math.log10(max(abs(value), half_width)))
+    shift = exponent if not _SMALL <= max(abs(value), half_width) < _LARGE else 0
+    scaled, width = value / 10.0**shift, half_width / 10.0**shift
+    places = 1 - math.floor(math.log10(width))
+    both = f"{_fixed(scaled, places)} ± {_fixed(width, places)}"
     if not shift:
         return f"{both}{ending}"
     return f"({both}) × 10{str(shift).translate(_SUPERSCRIPTS)}{ending}"

@@ -34,7 +34,7 @@ from bender_plant.model import Model, load_model, model_from_table
 from bender_report.chart import plain_logarithmic
 from bender_report.number import Number
 from bender_report.palette import TOKENS
-from bender_report.wording import figure, listed, plain, quantity, uncertain
+from bender_report.wording import figure, listed, plain, quantity, uncertain, with_interval
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -204,7 +204,7 @@ def test_density_of_white_noise_is_flat_and_its_size_known():
 
 
 @pytest.mark.parametrize(
-    ("value", "std", "expected"),
+    ("value", "half_width", "expected"),
     [
         (0.0601, 0.00042, "0.06010 ± 0.00042"),
         (5.89, 0.19, "5.89 ± 0.19"),
@@ -215,8 +215,24 @@ def test_density_of_white_noise_is_flat_and_its_size_known():
         (0.01, 3.0, "0.01 ± 3"),
     ],
 )
-def test_deviations_set_the_digits(value: float, std: float, expected: str):
-    assert uncertain(value, std) == expected
+def test_half_widths_set_the_digits(value: float, half_width: float, expected: str):
+    assert uncertain(value, half_width) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "interval", "expected"),
+    [
+        (788.9, 3.2, (767.3, 810.9), "789 ± 22 V"),
+        (788.9, 3.2, (782.6, 795.2), "788.9 ± 6.3 V"),
+        (14.2, 0.3, (13.7, 16.0), "14.2 (13.7 to 16) V"),
+        (-14.2, 0.3, (-16.0, -13.7), "−14.2 (−16 to −13.7) V"),
+        (2.0, 0.0, None, "2 V"),
+        (2.0, float("inf"), None, "2 ± ? V"),
+    ],
+)
+def test_a_number_is_told_with_its_interval_of_95_percent(value, std, interval, expected):
+    """Not with the standard deviation of the linearised fit, which may be seven times as narrow."""
+    assert with_interval(Number("scale_V", value, "V", std, interval=interval)) == expected
 
 
 @given(st.floats(1e-12, 1e12) | st.floats(-1e12, -1e-12))

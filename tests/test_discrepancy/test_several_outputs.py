@@ -33,6 +33,7 @@ from bender_loop.shell.run import say_held
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import load_model
 from bender_report.number import Number
+from bender_report.wording import IN_WORDS
 
 pytestmark = needs_compiler
 STEP_S, ROWS, LATE = 0.02, 1200, 3
@@ -309,7 +310,9 @@ def test_the_terminal_has_the_numbers_of_what_was_found_and_what_is_left_in_word
     left |= {("plate", 1, 0): OutputResidual(-900.0, 1.0), ("air", 1, 0): OutputResidual(-900.0, 1.0)}
     ranked = rank_explanations(outputs, left, {x: OutputResidual(400.0, 1.0) for x in ("plate", "air")}, 0.99)
     assert ranked.best.effects == {"transport_delay"}
-    shared = SimpleNamespace(id="transport_delay", numbers=[Number("delay_s", 14.2, "s", std=0.3)])
+    shared = SimpleNamespace(
+        id="transport_delay", numbers=[Number("delay_s", 14.2, "s", std=0.3, interval=(13.6, 14.8))]
+    )
     oven = {
         "verdict": "named", "model": MODEL, "effects": [shared], "findings": SimpleNamespace(recalibrated=()),
         "quantities": Quantities("W", "K"),
@@ -325,9 +328,10 @@ def test_the_terminal_has_the_numbers_of_what_was_found_and_what_is_left_in_word
     lines = summary(told)
     assert lines[0].startswith(f"named{'' if told.complete else ', not complete'}: ")
     assert (
-        "transport delay: delay 14.2 ± 0.3 s, acts on the input, which all outputs share (by the readings of plate)"
+        "transport delay: delay 14.20 ± 0.60 s, acts on the input, which all outputs share (by the readings of plate)"
         in lines
     )
+    assert IN_WORDS in lines
     assert "left with all outputs together: plate 0.07 K (noise 0.05 K), air 0.34 K (noise 0.05 K)" in lines
     assert outputs_report._titles(told, ("second_mode",)) == "a second mode"
     assert titles(("second_mode",)) == "a second bending mode"

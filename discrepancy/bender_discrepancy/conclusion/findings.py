@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.numbers import WITHIN, Span, form_of, number, numbers
+from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.conclusion.shares import shares_of_gap, split
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.rigs import is_piezo_bender
@@ -28,6 +28,7 @@ from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_plant.model import Model
 from bender_plant.valid_range import ValidRange
 from bender_report.number import Number
+from bender_report.wording import HALF_WIDTH
 
 OF_THE_READING = ("gain", "offset")
 # a calibration is reported when it is off by this many standard deviations
@@ -105,7 +106,7 @@ class RecalibratedNumber:
         """Where the number lies; None where the records leave it open."""
         if not math.isfinite(self.std):
             return None
-        return self.after - WITHIN * self.std, self.after + WITHIN * self.std
+        return self.after - HALF_WIDTH * self.std, self.after + HALF_WIDTH * self.std
 
 
 @dataclass(frozen=True, slots=True, eq=False)

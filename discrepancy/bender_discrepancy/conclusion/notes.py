@@ -16,7 +16,7 @@ from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
 from bender_loop.records.end_of_range import ends_of_range
 from bender_report.number import Number
-from bender_report.wording import WHOSE_DELAY, fields, figure, input_word, listed, percent, quantity, uncertain
+from bender_report.wording import WHOSE_DELAY, fields, figure, input_word, listed, percent, quantity, with_interval
 
 ALIASES_TOLD = 3
 UNWRITTEN = "no corrected model was written"
@@ -221,7 +221,7 @@ def _of_one_record(findings: Findings) -> list[str]:
         return []
     told = [
         f"{title_of(x.id)}, record {k + 1}: "
-        + ", ".join(f"{n.name} {uncertain(n.value, n.std, n.unit)}" for n in numbers if n.std > 0.0)
+        + ", ".join(f"{n.name} {with_interval(n)}" for n in numbers if n.std > 0.0)
         for x in own
         for k, numbers in enumerate(x.by_record)
         if k != findings.of_record

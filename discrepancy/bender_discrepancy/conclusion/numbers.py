@@ -19,13 +19,12 @@ from bender_discrepancy.records.observations import Array
 from bender_plant.model import Model, ModelError
 from bender_plant.parameter import meanings
 from bender_report.number import Number
+from bender_report.wording import HALF_WIDTH
 
 # a value is called unusual when it is so by more than what chance may have added
 CHANCE = 2.0
 _HALVINGS = 30
 """So often the way to an end is halved beyond which a block takes no number."""
-WITHIN = 1.96
-"""Deviations to either end of an interval of 95 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +165,7 @@ def number(effect: Effect, name: str, value: float, std: float, span: Span, is_s
         low, high = (x + sign * (CHANCE * std + _half_a_digit(x)) for x, sign in zip(typical, (-1.0, 1.0), strict=True))
         unusual = abs(value) > high or (is_scale and abs(value) < low)
     why = effect.typical[field][2] if typical is not None else ""
-    within = (value - WITHIN * std, value + WITHIN * std) if 0.0 < std < math.inf else None
+    within = (value - HALF_WIDTH * std, value + HALF_WIDTH * std) if 0.0 < std < math.inf else None
     return Number(name, value, effect.parameters[field].unit, std, typical, why, unusual, within)
 
 

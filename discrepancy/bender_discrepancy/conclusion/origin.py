@@ -8,10 +8,9 @@ from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.records.record_names import distinct_names
 from bender_plant.origin import Origin
 from bender_report.number import Number
-from bender_report.wording import relabelled, shown_in, unit_text
+from bender_report.wording import HALF_WIDTH, relabelled, shown_in, unit_text
 
 REPORT = "report.html"
-INTERVAL = 1.96
 
 
 def with_origin(findings: Findings, names: Sequence[str]) -> Findings:
@@ -43,7 +42,7 @@ def _value(number: Number) -> str:
 
 def _change(changed: RecalibratedNumber) -> str:
     unit = _unit(changed.unit)
-    within = f" ± {INTERVAL * changed.std:.2g} (95 %)" if changed.std < float("inf") else ""
+    within = f" ± {HALF_WIDTH * changed.std:.2g} (95 %)" if changed.std < float("inf") else ""
     return f"{changed.after:.5g}{within}{unit}, before {changed.before:.5g}{unit}"
 
 

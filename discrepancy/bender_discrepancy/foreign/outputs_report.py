@@ -13,7 +13,17 @@ from bender_discrepancy.foreign.outputs import Together
 from bender_loop.tables.quantities import USUAL
 from bender_plant.parameter import meanings
 from bender_report.number import Number
-from bender_report.wording import figure, listed, quantity, shown_in, unit_text
+from bender_report.wording import (
+    HALF_WIDTH,
+    IN_WORDS,
+    figure,
+    listed,
+    quantity,
+    shown_in,
+    uncertain,
+    unit_text,
+    with_interval,
+)
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
@@ -182,7 +192,8 @@ def summary(found: Together) -> list[str]:
     lines = [f"{verdict}: {sentence(found)}", *_found_lines(found)]
     for name, was, now, std, unit in found.parameters:
         of = "" if unit == "1" else f" {unit_text(unit)}"
-        lines.append(f"{name} of the FMU, by all outputs: {figure(was, 4)} to {figure(now, 4)} ± {figure(std, 2)}{of}")
+        lines.append(f"{name} of the FMU, by all outputs: {figure(was, 4)} to {uncertain(now, HALF_WIDTH * std)}{of}")
+    lines += [IN_WORDS] if len(lines) > 1 else []
     for name, alone in found.by_itself.items():
         unit = alone.quantities.reading
         left = [quantity(x, unit) for x in (alone.gap.recalibrated.rms_um, alone.gap.after.rms_um)]
@@ -283,9 +294,7 @@ def _found_section(rows: Sequence[Sequence[str]]) -> "Section":
 
     return Section(
         "What was found, by its numbers",
-        paragraphs=(
-            "By the readings of one output, or of all together; ± is one standard deviation, where it was estimated.",
-        ),
+        paragraphs=(f"By the readings of one output, or of all together; {IN_WORDS}.",),
         table=Table(["effect", "number", "value", "by the readings of", "acts on"], rows),
     )
 
@@ -328,9 +337,8 @@ def _plain(number: str) -> str:
 
 
 def _value(number: "Number") -> str:
-    unit = unit_text(number.unit)
-    spread = f" ± {figure(number.std, 2)}" if 0.0 < number.std < math.inf else ""
-    return f"{figure(number.value, 4)}{spread}{f' {unit}' if unit else ''}"
+    known = number.interval is not None
+    return with_interval(number) if known else quantity(number.value, number.unit, 4)
 
 
 def _place(found: Together, name: str, effect: str) -> str:

@@ -12,7 +12,7 @@ from bender_discrepancy.report.device_words import for_device
 from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
 from bender_export.build import checkout_folder
 from bender_report.number import Number
-from bender_report.wording import chance, fields, figure, quantity, uncertain, with_units_kept
+from bender_report.wording import chance, fields, figure, quantity, with_interval, with_units_kept
 
 MOST_RIVALS = 8
 MOST_LINES = 6
@@ -118,7 +118,7 @@ def _row(effect: ReportedEffect, field: str, numbers: list[Number], *, bender: b
     about = EFFECTS[effect.id]
     first = numbers[0]
     fixed = all(x.std == 0.0 for x in numbers)
-    lines = [_line(x) for x in numbers[:MOST_LINES]]
+    lines = [with_interval(x) for x in numbers[:MOST_LINES]]
     if len(numbers) > MOST_LINES:
         lines = [f"{len(numbers)} values, {_ends(numbers)}"]
     typical = f"{figure(first.typical[0])} to {quantity(first.typical[1], first.unit)}" if first.typical else "–"
@@ -131,14 +131,6 @@ def _row(effect: ReportedEffect, field: str, numbers: list[Number], *, bender: b
         "why": first.why,
         "unusual": any(x.unusual for x in numbers),
     }
-
-
-def _line(x: Number) -> str:
-    """Return a number with its deviation, and its interval where that reaches further to one side."""
-    told = uncertain(x.value, x.std, x.unit)
-    if not x.profiled or x.interval is None:
-        return told
-    return f"{told}; 95 %: {figure(x.interval[0])} to {quantity(x.interval[1], x.unit)}"
 
 
 def _ends(numbers: list[Number]) -> str:

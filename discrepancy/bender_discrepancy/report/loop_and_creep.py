@@ -9,7 +9,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.loop_figures import FreeStretch, Loop, loop_of
 from bender_plant.model import Model
 from bender_report.number import Number
-from bender_report.wording import fields, figure, percent, quantity, uncertain
+from bender_report.wording import fields, figure, percent, quantity, with_interval
 
 # weights of plays lean on each other: from this many numbers on, none of them means anything by itself
 MANY = 6
@@ -113,10 +113,7 @@ def creep_table(effect_id: str, numbers: tuple[Number, ...]) -> dict[str, list[t
         for low, high, total in creep_per_decade(values, times_s)
     ]
     return {
-        "rows": [
-            (uncertain(taus[k].value, taus[k].std, "s"), uncertain(gains[k].value, gains[k].std, gains[k].unit))
-            for k in order
-        ],
+        "rows": [(with_interval(taus[k]), with_interval(gains[k])) for k in order],
         "totals": [*totals, ("in all", percent(sum(values)))],
     }
 

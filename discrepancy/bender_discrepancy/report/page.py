@@ -33,6 +33,8 @@ from bender_discrepancy.report.visible_section import never_visible, visible_row
 from bender_plant.model import Model
 from bender_report.page import render_template
 from bender_report.wording import (
+    HALF_WIDTH,
+    IN_WORDS,
     figure,
     input_word,
     is_other_rig,
@@ -136,12 +138,13 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "strips": strips,
         "places": places,
         "effects": effect_sections(findings, result),
+        "interval_words": IN_WORDS,
         "very_strong": figure(very_strong(findings.search.settings.confidence), 2),
         "recalibrated": [
             {
                 "name": x.name,
                 "before": quantity(x.before, x.unit),
-                "after": ", ".join(uncertain(value, x.std, x.unit) for value in x.afters or (x.after,))
+                "after": ", ".join(uncertain(value, HALF_WIDTH * x.std, x.unit) for value in x.afters or (x.after,))
                 + (", the end of its range" if x.at_end else ""),
             }
             for x in findings.recalibrated

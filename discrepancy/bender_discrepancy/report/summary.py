@@ -13,13 +13,23 @@ from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
-from bender_report.wording import chance, fields, figure, listed, percent, quantity, uncertain, unit_text
+from bender_report.wording import (
+    HALF_WIDTH,
+    IN_WORDS,
+    chance,
+    fields,
+    figure,
+    listed,
+    percent,
+    quantity,
+    uncertain,
+    unit_text,
+    with_interval,
+)
 
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4
 MOST_WARNINGS = 3
-DEVIATIONS = "± is one standard deviation (the true value is within two of them 19 times in 20)"
-INTERVALS = "; the effects' intervals of 95 % stand in diagnosis.json"
 
 
 def summary(findings: Findings, measured: Measured, result: dict[str, Any], out: Path) -> Iterator[str]:
@@ -55,14 +65,16 @@ def _recalibrated(findings: Findings) -> Iterator[str]:
     """Yield the model's own numbers before and after, and what ± means."""
     for x in findings.recalibrated:
         end = ", the end of its range" if x.at_end else ""
-        yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}{end}")
+        yield from _line(
+            x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, HALF_WIDTH * x.std, x.unit)}{end}"
+        )
     own = findings.shares.get(OWN_NUMBERS, 0.0)
     if own > 0.0:
         yield from _line(
             "model", f"its own numbers (lags, frequency, damping), fitted again, close {percent(own)} of the gap"
         )
     if findings.effects or findings.recalibrated:
-        yield from _line("", DEVIATIONS + (INTERVALS if findings.effects else ""))
+        yield from _line("", IN_WORDS)
 
 
 def _further(result: dict[str, Any]) -> Iterator[str]:
@@ -112,7 +124,7 @@ def _gap(findings: Findings, measured: Measured) -> str:
 
 
 def _closed(measured: Measured) -> str:
-    part = uncertain(100.0 * (measured.closes or 0.0), 100.0 * measured.closed[1])
+    part = uncertain(100.0 * (measured.closes or 0.0), HALF_WIDTH * 100.0 * measured.closed[1])
     return f"{part} % of the gap: of the mean square that calibration alone leaves above the noise floor"
 
 
@@ -149,7 +161,7 @@ def _numbers(effect: ReportedEffect) -> str:
     found = []
     free = [x for x in effect.numbers if x.std > 0.0] or effect.numbers
     for field, numbers in fields(free).items():
-        values = [uncertain(x.value, x.std, x.unit) for x in numbers[:MOST_VALUES]]
+        values = [with_interval(x) for x in numbers[:MOST_VALUES]]
         more = ", …" if len(numbers) > MOST_VALUES else ""
         mark = " (unusual)" if any(x.unusual for x in numbers) else ""
         found.append(f"{field} {', '.join(values)}{more}{mark}")

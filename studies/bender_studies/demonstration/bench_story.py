@@ -4,10 +4,11 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bender_loop.records.record import Record
 from bender_loop.shell.progress import Cell
+from bender_report.number import Number
 from bender_report.page import Link, Picture, Section, Table
 from bender_report.picture_style import (
     COLOURS,
@@ -20,7 +21,7 @@ from bender_report.picture_style import (
     write_beside,
     write_title,
 )
-from bender_report.wording import quantity, uncertain
+from bender_report.wording import quantity, with_interval
 from bender_studies.demonstration.bench import (
     AFTER,
     BEFORE,
@@ -192,11 +193,17 @@ def missing_section(reason: str) -> Section:
     return Section("On the emulated bench: left out", [f"The runs on the emulated bench were left out: {reason}."])
 
 
+def _told(name: str, number: dict[str, Any]) -> str:
+    within = number["interval_95"]
+    told = Number(name, number["value"], number["unit"], number["std"] or 0.0, interval=within and tuple(within))
+    return f"{name} = {with_interval(told)}"
+
+
 def verdict(story: BenchStory) -> str:
     """What the diagnosis says, with its numbers and the gap before and after."""
     told, gap = story.diagnosis, story.diagnosis["gap"]
     numbers = [
-        f"{effect['id']}: {name} = {uncertain(number['value'], number['std'] or 0.0)}"
+        f"{effect['id']}: {_told(name, number)}"
         for effect in told["effects"]
         for name, number in effect["parameters"].items()
     ]
