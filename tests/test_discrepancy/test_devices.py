@@ -30,7 +30,8 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import competing_structures
 from bender_discrepancy.workflow import affordable, candidate_forms, diagnose, search_records
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record, read_record
+from bender_loop.records.record import Record
+from bender_loop.tables.quantities import Quantities, read_record
 from bender_plant.blocks import BLOCKS, bending_modes, linear_transduction
 from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.parameter import meanings
@@ -312,6 +313,15 @@ def one_step(factor: float) -> Record:
 
 def test_a_record_that_holds_a_voltage_is_measured_by_how_far_its_step_goes():
     refuse_unusable(read_model("paper"), ["one"], [one_step(1.0)], Settings())
+
+
+def test_columns_of_another_device_are_refused_in_the_units_of_the_file_with_the_next_step():
+    record = replace(one_step(1.0), quantities=Quantities("mA", "um", ("mA", "mm")))
+    with pytest.raises(InputError) as refused:
+        refuse_unusable(read_model("paper"), ["mine.csv"], [record], Settings())
+    assert str(refused.value).startswith("mine.csv: found columns in mA and mm, expected V and lengths")
+    assert "--model auto" in str(refused.value)
+    assert "bender model fit" in str(refused.value)
 
 
 def test_a_thousand_times_more_is_refused():

@@ -12,7 +12,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.distinct import refuse_twice_the_same
 from bender_loop.records.record import Record, read_record
 from bender_loop.records.sizes import check_readings, check_sizes, check_work
-from bender_loop.tables.quantities import USUAL
+from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -61,12 +61,21 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
     """
     for name, record in zip(names, records, strict=True):
         if is_piezo_bender(model) and record.quantities[:2] != USUAL[:2]:
-            found = " and ".join(record.quantities[:2])
-            raise InputError(f"{name}: found columns in {found}, expected V and lengths for the model {model.name}")
+            raise InputError(f"{name}: {_of_another_device(model, record.quantities)}")
         check_readings(name, record)
         _refuse_what_teaches_nothing(name, record)
     refuse_twice_the_same(names, records)
     _refuse_wrong_units(model, names, records, settings)
+
+
+def _of_another_device(model: Model, quantities: Quantities) -> str:
+    """Return that columns are not those of a piezo bender, in the units of the file, and what to do."""
+    kept = zip(quantities.stated, quantities[:2], strict=True)
+    found = " and ".join(stated or unit for stated, unit in kept)
+    return (
+        f"found columns in {found}, expected V and lengths for the model {model.name}, a piezo bender; for another "
+        "device use --model auto, or make a model first: bender model fit (Python: the model 'auto', or fit_model)"
+    )
 
 
 def _refuse_what_teaches_nothing(name: str, record: Record) -> None:
