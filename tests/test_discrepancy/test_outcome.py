@@ -35,7 +35,7 @@ from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.report.page import report_page
-from bender_discrepancy.report.summary import summary
+from bender_discrepancy.report.summary import _beside, summary
 from bender_discrepancy.rivals import rival_models
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
@@ -443,6 +443,31 @@ def test_a_rival_of_an_open_verdict_has_a_model_however_unlikely_it_is(ambiguous
     )
     (rival,) = rival_models(replace(ambiguous, effects=reported))
     assert (rival.effects, rival.to_dict()["probability"]) == ((SIDES[1],), 1e-4)
+
+
+@pytest.mark.parametrize(("share", "told"), [(1.0, "; as likely"), (0.5, "; less likely, but not ruled out")])
+def test_a_rival_that_is_as_likely_is_not_called_less_so(ambiguous: Findings, share: float, told: str):
+    lead, rival = ambiguous.effects
+    entry = {"rivals": [{"id": lead.id, "delta_bic": 0.3}], "rival_of": lead.id}
+    entry["probability"] = share * lead.probability
+    assert _beside(ambiguous, rival, entry, 10.0) == told
+
+
+def test_a_recalibrated_mode_that_rows_cannot_tell_from_its_aliases_says_so():
+    base = load_model("paper")
+    form = own_form(base)
+    assert form is not None
+    even = record_of(voltage_V=levels(8.0))
+    apart = replace(even, time_s=even.time_s * (1.0 + 0.1 * even.time_s / even.time_s[-1]))
+    values = (1.1, *(x.starts[0] for x in form.free[1:]))
+    for record, is_said in ((even, True), (apart, False)):
+        search = told([record], replace(Hypothesis(), own=Part(form, values)), word="recalibrated", refit=False)
+        said = [x for x in warnings(find(search)) if x.startswith(form.free[0].name) and "rows a second" in x]
+        assert bool(said) is is_said
+        if said:
+            assert said[0].startswith(
+                "bending_modes.frequency_factor: at 30 rows a second, 114.81 Hz looks like 84.811, 95.189, 125.19 Hz"
+            )
 
 
 def test_a_number_of_the_model_at_the_end_of_its_range_is_said(tmp_path: Path):

@@ -1,5 +1,6 @@
 """What a person should know beside the verdict: unusual values, readings set aside, what the records cannot show."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Report
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import residual, share_of_stroke, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.own_numbers import first_mode_Hz
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.judgement.rules import RULES
@@ -333,16 +335,43 @@ def _aliased(findings: Findings) -> list[str]:
     if findings.search.settings.untimed or len(rates_Hz) > 1 or not all(are_even(x.time_s) for x in observations):
         return []
     (rate_Hz,) = rates_Hz
-    found = []
+    found = _mode_aliased(findings, rate_Hz)
     heard = [x for x in findings.added if EFFECTS[x.id].of_the_record]
     for effect, own_Hz in ((x, y.value) for x in heard for y in x.numbers if y.name == "frequency_Hz"):
-        others = sorted(aliases_Hz(own_Hz, rate_Hz, own_Hz + ALIASES_TOLD * rate_Hz), key=lambda x: abs(x - own_Hz))
-        told = ", ".join(figure(x, 5) for x in sorted(others[:ALIASES_TOLD]))
-        found.append(
-            f"{title_of(effect.id)}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like "
-            f"{told}, … Hz; a record of another rate distinguishes them"
-        )
+        others = aliases_Hz(own_Hz, rate_Hz, own_Hz + ALIASES_TOLD * rate_Hz)
+        told = f"{_nearest(others, own_Hz)}, …"
+        found.append(_looks_like(title_of(effect.id), rate_Hz, own_Hz, told))
     return found
+
+
+def _mode_aliased(findings: Findings, rate_Hz: float) -> list[str]:
+    """Return which other frequencies, as far as the model's own may move, look like the recalibrated first mode."""
+    own, base = findings.search.best.hypothesis.own, findings.search.problem.base
+    first_Hz = first_mode_Hz(base)
+    if own is None or first_Hz is None:
+        return []
+    told = {x.name for x in findings.recalibrated}
+    found = []
+    for free, value in zip(own.form.free, own.values, strict=True):
+        if free.rings != "factor" or free.name not in told:
+            continue
+        unit_Hz = first_Hz / free.starts[0]
+        others = [x for x in aliases_Hz(unit_Hz * value, rate_Hz, unit_Hz * free.high) if x > unit_Hz * free.low]
+        if others:
+            found.append(_looks_like(free.name, rate_Hz, unit_Hz * value, _nearest(others, unit_Hz * value)))
+    return found
+
+
+def _nearest(others_Hz: Sequence[float], own_Hz: float) -> str:
+    nearest = sorted(others_Hz, key=lambda x: abs(x - own_Hz))[:ALIASES_TOLD]
+    return ", ".join(figure(x, 5) for x in sorted(nearest))
+
+
+def _looks_like(name: str, rate_Hz: float, own_Hz: float, others: str) -> str:
+    return (
+        f"{name}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like {others} Hz; a record of "
+        "another rate distinguishes them"
+    )
 
 
 def _between_rows(search: SearchResult) -> list[str]:

@@ -154,7 +154,8 @@ def _effect(
         effect.id, effect.numbers
     )
     told = in_figures or _numbers(effect)
-    return f"{effect.id}: {told}{share_words(findings, effect)}{_beside(effect, entry, very_strong(confidence))}"
+    beside = _beside(findings, effect, entry, very_strong(confidence))
+    return f"{effect.id}: {told}{share_words(findings, effect)}{beside}"
 
 
 def _numbers(effect: ReportedEffect) -> str:
@@ -168,14 +169,16 @@ def _numbers(effect: ReportedEffect) -> str:
     return "; ".join(found)
 
 
-def _beside(effect: ReportedEffect, entry: dict[str, Any], decides: float) -> str:
+def _beside(findings: Findings, effect: ReportedEffect, entry: dict[str, Any], decides: float) -> str:
     if not entry["rivals"]:
         return ""
     rival = entry["rivals"][0]
     if rival["delta_bic"] is None:
         return f"; {entry.get('rival_of') or rival['id']} is possible too: too few readings to choose between them"
     if entry.get("rival_of"):
-        return "; less likely, but not ruled out"
+        place = next((x.probability for x in findings.effects if x.id == entry["rival_of"]), 1.0)
+        less = chance(entry["probability"]) != chance(place) and entry["probability"] < place
+        return f"; {'less likely, but not ruled out' if less else 'as likely'}"
     known = effect.contender.rivals if effect.contender else ()
     is_open = rival["delta_bic"] < decides or any(x.id == rival["id"] and x.reach for x in known)
     return f"; next best {rival['id']}, {'not ' if is_open else ''}ruled out"
