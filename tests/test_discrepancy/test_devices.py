@@ -30,8 +30,8 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import competing_structures
 from bender_discrepancy.workflow import affordable, candidate_forms, diagnose, search_records
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record
-from bender_loop.tables.quantities import Quantities, read_record
+from bender_loop.records.record import Record, read_record
+from bender_loop.tables.quantities import Quantities
 from bender_plant.blocks import BLOCKS, bending_modes, linear_transduction
 from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.parameter import meanings
