@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Report
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import residual, share_of_stroke, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.own_numbers import first_mode_Hz
+from bender_discrepancy.fitting.own_numbers import DELAY, first_mode_Hz
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.judgement.rules import RULES
@@ -24,7 +24,6 @@ ALIASES_TOLD = 3
 UNWRITTEN = "no corrected model was written"
 FOLLOWING = ("supply", "material", "structure")
 """Stages of effects that move with the voltage: where one is named, the readings follow it, whatever the gain."""
-_DELAY = "transport_delay"
 # times the residual of the rows that were searched
 ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
@@ -202,9 +201,9 @@ def _delayed(findings: Findings) -> list[str]:
     base = findings.search.base
     learned = () if base.origin is None else tuple(x.id for x in base.blocks)
     own = tuple(x.name.partition(".")[0] for x in findings.recalibrated)
-    if _DELAY not in (*learned, *own, *(x.id for x in findings.effects)):
+    if DELAY not in (*learned, *own, *(x.id for x in findings.effects)):
         return []
-    return [f"{title_of(_DELAY)}: {WHOSE_DELAY}"]
+    return [f"{title_of(DELAY)}: {WHOSE_DELAY}"]
 
 
 def _left_out(findings: Findings) -> list[str]:

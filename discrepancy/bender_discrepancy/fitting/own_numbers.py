@@ -25,6 +25,7 @@ from bender_plant.model import Model
 from bender_plant.plant import effective_settings
 
 OWN = "own numbers"
+DELAY = transport_delay.ID
 # a model that is further off is another device
 FREQUENCY_WITHIN = 2.0
 OTHERS_WITHIN = 10.0
