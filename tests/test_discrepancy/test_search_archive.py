@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form, part_without_named
 from bender_discrepancy.records.observations import hardly_steps, observe
 from bender_discrepancy.records.roles import blocks_of
+from bender_discrepancy.search import search as search_module
 from bender_discrepancy.search import transfer
 from bender_discrepancy.search.archive import Archive, left_square
 from bender_discrepancy.search.explore import explore_beside_each
@@ -551,3 +553,19 @@ def test_what_one_number_more_removes_to_the_noise_is_an_effect(threshold_V: flo
     assert RULES.is_small(found.archive, found.base, lag)
     assert RULES.leaves_noise(found.archive, lag)
     assert set(parsimonious(found.archive, RULES).hypothesis.effects) == names
+
+
+@pytest.mark.parametrize(("rows", "core_s"), [(100, 9), (2000, 20), (10_000, 40)])
+def test_a_step_says_which_of_its_models_it_tries_and_the_first_how_long_steps_are_begun(
+    rows: int, core_s: int, monkeypatch: pytest.MonkeyPatch
+):
+    said: list[str] = []
+    monkeypatch.setattr(search_module, "explore", lambda *_: [])
+    archive: Any = SimpleNamespace(problem=SimpleNamespace(all_rows=rows))
+    catalogue: Any = SimpleNamespace(kits=[SimpleNamespace(forms=range(55))])
+    beam: Any = [SimpleNamespace(training_square=1.0)] * 3
+    for depth in (1, 2):
+        say = partial(search_module._say_step, said.append, archive, catalogue, depth, len(beam))
+        assert search_module._grown(archive, catalogue, beam, say) == []
+    assert said[3:] == [f"step 2: trying 55 forms on model {k} of 3" for k in (1, 2, 3)]
+    assert all(f"for some {core_s} s of an idle core" in x for x in said[:3])

@@ -30,7 +30,7 @@ class Budget:
         leaders: such hypotheses of other forms, where the best one is worse there than no effect at all.
         turns: rounds in which effects are replaced by better ones.
         work_substeps: simulated in a search, and more for every row, before a step is not begun any more; as much
-            again for every effect that was found. A million take some 0.2 s of one core.
+            again for every effect that was found.
         work_per_row: the latter.
         most_work_substeps: for any number of rows.
     """
@@ -68,3 +68,5 @@ class Budget:
 
 
 BUDGET = Budget()
+CORE_S_PER_SUBSTEP = 2e-7
+"""What a simulated sub-step takes of one idle core, about, with what is fitted to it."""

@@ -7,6 +7,7 @@ held-out blocks are predicted better. After every step, earlier choices are revi
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -15,7 +16,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import changes_as_effects, form_without_named, part_without_named
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
-from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.budget import BUDGET, CORE_S_PER_SUBSTEP
 from bender_discrepancy.search.explore import explore, explore_beside_each
 from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2, is_special_case
 from bender_discrepancy.search.moves import ADJUST, AGAINST, BESIDE, GROW, POLISH, Catalogue, Move
@@ -73,8 +74,9 @@ def search(
         if stopped := not _is_affordable(archive, problem, best):
             break
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
-        tell(f"step {depth}: trying {len(catalogue.kits[0].forms)} forms on {len(beam)} models")
-        if not (found := _grown(archive, catalogue, beam)):
+        if not (
+            found := _grown(archive, catalogue, beam, partial(_say_step, tell, archive, catalogue, depth, len(beam)))
+        ):
             break
         if depth > 1:
             found += _beside_others(archive, catalogue, rules, min(found, key=lambda x: x.training_square), beam)
@@ -98,6 +100,15 @@ def search(
         return found
     tell("another beginning of the record fits better: searching again")
     return search(other, catalogue, rules, tell, keep)
+
+
+def _say_step(tell: Progress, archive: Archive, catalogue: Catalogue, depth: int, models: int, place: int) -> None:
+    """Say which model a step tries; at first, for how long steps are begun, as far as it is known beforehand."""
+    said = f"step {depth}: trying {len(catalogue.kits[0].forms)} forms on model {place} of {models}"
+    if depth == 1:
+        core_s = CORE_S_PER_SUBSTEP * BUDGET.work_for(archive.problem.all_rows, 0)
+        said += f"; steps are begun for some {core_s:.0f} s of an idle core, and as long again for each effect found"
+    tell(said)
 
 
 def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) -> bool:
@@ -247,16 +258,17 @@ def _stands_in(archive: Archive, rules: Rules, simple: Fitted, best: Fitted) -> 
     return rules.leaves_noise(archive, best, everywhere=True)
 
 
-def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> list[Fitted]:
-    """Return hypotheses of one effect more.
+def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted], say: Callable[[int], None]) -> list[Fitted]:
+    """Return hypotheses of one effect more; `say` is told which parent is tried, from 1.
 
     Once one takes off most of what its parent left, only parents that leave even less are still tried.
     """
     found: list[Fitted] = []
     is_far = False
-    for parent in beam:
+    for place, parent in enumerate(beam, 1):
         if is_far and parent.training_square >= min(x.training_square for x in found):
             continue
+        say(place)
         more = explore(archive, catalogue, [parent], GROW)
         leaders = leading_fits(more)
         if leaders and not _is_nearly_done(archive, leaders[0]) and not only_one_sine(archive.problem.observations):
