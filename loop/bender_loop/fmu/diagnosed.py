@@ -128,8 +128,8 @@ def _source(told: dict[str, Any], known: Known | None, *, vouched_for: bool) -> 
     if gain and gain.get("std") and gain.get("after"):
         said += f", recalibrated.gain {gain['after']:.4g} ± {gain['std']:.2g}"
     least = f"; a gain is taken as known to {LEAST_GAIN_ERROR_PERCENT:g} % at best"
-    told = f"{said}, and the dead time is known to {known.delay_error_s:.2g} s"
-    return told + (least if known.gain_error_percent == LEAST_GAIN_ERROR_PERCENT else "")
+    said = f"{said}, and the dead time is known to {known.delay_error_s:.2g} s"
+    return said + (least if known.gain_error_percent == LEAST_GAIN_ERROR_PERCENT else "")
 
 
 def _gain_error_percent(left_percent: float, told: dict[str, Any]) -> float:
