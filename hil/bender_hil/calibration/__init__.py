@@ -9,6 +9,7 @@
 | `pictures` | pictures of the ruler: from files, from a camera, or drawn |
 | `scale` | what a pixel is worth |
 | `sensor_command` | `bender calibrate --sensor`: what a sensor's unit is worth, from two points or a table |
+| `sensor_picture` | the picture of a sensor's fit: points, curve, and what lies between them |
 | `sensor_scale` | what a sensor's unit is worth: a polynomial with its uncertainty |
 """
 
