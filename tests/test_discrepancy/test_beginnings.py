@@ -221,7 +221,7 @@ def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path
     assert effect.numbers == effect.by_record[1]
     assert effect.by_record[0] != effect.by_record[1]
     said = warnings(findings)
-    assert any("stand for record 2" in x and "record 1: amplitude_um" in x for x in said)
+    assert any("describe record 2" in x and "record 1: amplitude_um" in x for x in said)
     assert not any("do not determine" in x for x in said)
     path = tmp_path / "model.fmu"
     measured = measure(findings.search, findings.model, findings.calibration, path, findings.of_record)

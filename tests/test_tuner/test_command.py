@@ -225,9 +225,16 @@ def test_what_only_the_plant_can_tell_is_bad_input_too(
     (tmp_path / "file").touch()
     done = tune("--fmu", paper_fmu, *words, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.splitlines()) == 1
+    assert len([line for line in done.stderr.splitlines() if not line.startswith("learning the plant")]) == 1
     assert complaint in done.stderr.replace("\\", "/")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def wait_for_tuning(process: subprocess.Popen[str]) -> None:
+    """A slow machine says before that it learns the plant."""
+    assert process.stderr is not None
+    while not (line := process.stderr.readline()).startswith("tuning with"):
+        assert line.startswith("learning the plant"), line
 
 
 @pytest.mark.slow
@@ -236,9 +243,7 @@ def test_what_only_the_plant_can_tell_is_bad_input_too(
 def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: Path, tmp_path: Path) -> None:
     words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
     with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        first = process.stderr.readline()
-        assert first.startswith("tuning with reliable_bas"), first
+        wait_for_tuning(process)
         process.send_signal(number)
         _, errors = process.communicate(timeout=120)
     assert process.returncode == 130
@@ -260,8 +265,7 @@ def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: P
 def test_a_second_interrupt_leaves_at_once(paper_fmu: Path, tmp_path: Path) -> None:
     words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
     with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        process.stderr.readline()
+        wait_for_tuning(process)
         process.send_signal(signal.SIGINT)
         while not (tmp_path / "out" / "gains.toml").is_file():
             time.sleep(0.005)
@@ -308,8 +312,7 @@ def test_an_interrupt_leaves_an_older_complete_result_alone(tuned: Path, paper_f
         with subprocess.Popen(
             words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         ) as process:
-            assert process.stderr is not None
-            process.stderr.readline()
+            wait_for_tuning(process)
             process.send_signal(number)
             _, errors = process.communicate(timeout=120)
         assert process.returncode == 130, errors
