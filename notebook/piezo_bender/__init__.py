@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from piezo_bender.several_outputs import OutputsDiagnosis, diagnose_outputs
     from piezo_bender.simulations import Simulation, simulate
     from piezo_bender.tunings import TuningResult, tune
-    from piezo_bender.watches import Watched, watch
+    from piezo_bender.watches import LiveWatch, Watched, start_watch, watch
 
 _HOMES = {
     "BenchRun": "piezo_bender.bench_runs",
@@ -81,7 +81,9 @@ _HOMES = {
     "simulate": "piezo_bender.simulations",
     "simulate_loop": "piezo_bender.loops",
     "tune": "piezo_bender.tunings",
+    "LiveWatch": "piezo_bender.watches",
     "Watched": "piezo_bender.watches",
+    "start_watch": "piezo_bender.watches",
     "watch": "piezo_bender.watches",
 }
 
@@ -93,6 +95,7 @@ __all__ = [
     "FittedModel",
     "IdentifiedModel",
     "InputError",
+    "LiveWatch",
     "LoadedRecord",
     "LoopSimulation",
     "OutputsDiagnosis",
@@ -116,6 +119,7 @@ __all__ = [
     "run_bench",
     "simulate",
     "simulate_loop",
+    "start_watch",
     "tune",
     "watch",
 ]

@@ -1,10 +1,15 @@
 """Watching: a model beside records of a device, and what has changed since it was that model."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_loop.errors import InputError
 from bender_watch.baseline.learn import learn
 from bender_watch.command import summary_of
 from bender_watch.follow.rows import Rows
@@ -26,6 +31,7 @@ from piezo_bender.shared import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
     from pandas import DataFrame
 
     from piezo_bender.records import Source
@@ -93,6 +99,101 @@ class Watched:
         return html_table(repr(self)[1:-1], ("alarm", "time (s)", "since (s)", "test"), rows)
 
 
+def _column(name: str, values: "ArrayLike") -> NDArray[np.float64]:
+    try:
+        column = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        column = np.zeros((0, 0))
+    if column.ndim != 1:
+        raise InputError(f"take: found {name} = {values!r:.60}, expected a number or a row of numbers")
+    return column
+
+
+class LiveWatch:
+    """A device that is watched while its rows come in, from `start_watch`.
+
+    Attributes:
+        watcher: as it stands.
+        units: of the commands and readings that `take` expects: those of the training record.
+    """
+
+    def __init__(self, watcher: Watcher, units: tuple[str, str]) -> None:
+        self.units = units
+        self.watcher = watcher
+        self._events: list[dict[str, Any]] = []
+        self._last_s = -math.inf
+
+    @name_arguments_in_errors
+    def take(self, time_s: "ArrayLike", command: "ArrayLike", reading: "ArrayLike") -> tuple[dict[str, Any], ...]:
+        """Take one row or some; return what there is to say of them: alarms, explanations, notes.
+
+        Args:
+            time_s: (n,) or one, increasing from call to call.
+            command: (n,) or one, in the first of `units`.
+            reading: (n,) or one, in the second of `units`; nan where it is lost.
+
+        Raises:
+            InputError: the columns do not fit together, or the time does not go on.
+        """
+        columns = (("time_s", time_s), ("command", command), ("reading", reading))
+        time, commands, readings = (_column(name, x) for name, x in columns)
+        if not time.size == commands.size == readings.size:
+            raise InputError(
+                f"take: found {time.size}, {commands.size} and {readings.size} rows, expected as many of each"
+            )
+        if not time.size:
+            return ()
+        times = np.concatenate([[self._last_s], time])
+        if not np.isfinite(commands).all() or not np.isfinite(time).all() or np.any(np.diff(times) <= 0.0):
+            raise InputError(
+                f"take: found a command or a time that is no number, or a time that is not after {self._last_s:g} s, "
+                "expected increasing times"
+            )
+        rows, is_first = Rows(time, commands, readings), not math.isfinite(self._last_s)
+        said = list(self.watcher.begin_record("live", rows)) if is_first else []
+        said += self.watcher.take(rows)
+        self._last_s = float(time[-1])
+        self._events += said
+        return tuple(said)
+
+    def finish(self) -> Watched:
+        """Return all that was said, once nothing further comes; an alarm that waits is explained by what there is."""
+        self._events += self.watcher.finish()
+        return Watched(tuple(self._events), self.watcher)
+
+
+@name_arguments_in_errors
+def start_watch(
+    model: AnyModel | None = None,
+    *,
+    training: "Source",
+    rows_between_false_alarms: float = 1e6,
+    diagnose: bool = True,
+    explain_rows: int = 1000,
+    input_hold: str = "hold",
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+    progress: Progress = silent,
+) -> LiveWatch:
+    """Begin to watch a device whose rows come in one after another; arguments of `watch`.
+
+    Raises:
+        InputError: the model, the training record or a setting will not do.
+    """
+    one_of("input_hold", input_hold, ("hold", "linear"))
+    require_number("rows_between_false_alarms", rows_between_false_alarms, "number of rows")
+    require_number("explain_rows", explain_rows, "number of rows")
+    linear = input_hold == "linear"
+    settings = Settings(rows_between_false_alarms, linear=linear, diagnose=diagnose, explain_rows=explain_rows)
+    plant = load_model("paper" if model is None else model).model
+    known = load_record(training, columns, units)
+    baseline = learn(plant, known.record, rows_between_false_alarms, linear=linear, name=known.source, tell=progress)
+    quantities = known.record.quantities
+    return LiveWatch(
+        Watcher(plant, known.record, baseline, settings, None, progress), (quantities.command, quantities.reading)
+    )
+
+
 @name_arguments_in_errors
 def watch(
     records: "Source | Iterable[Any]",
@@ -124,18 +225,20 @@ def watch(
     Raises:
         InputError: the model, a record or a setting will not do.
     """
-    one_of("input_hold", input_hold, ("hold", "linear"))
-    require_number("rows_between_false_alarms", rows_between_false_alarms, "number of rows")
-    require_number("explain_rows", explain_rows, "number of rows")
-    linear = input_hold == "linear"
-    settings = Settings(rows_between_false_alarms, linear=linear, diagnose=diagnose, explain_rows=explain_rows)
-    plant = load_model("paper" if model is None else model).model
-    known = load_record(training, columns, units)
-    loaded = several(records, columns, units)
-    baseline = learn(plant, known.record, rows_between_false_alarms, linear=linear, name=known.source, tell=progress)
-    watcher = Watcher(plant, known.record, baseline, settings, None, progress)
+    live = start_watch(
+        model,
+        training=training,
+        rows_between_false_alarms=rows_between_false_alarms,
+        diagnose=diagnose,
+        explain_rows=explain_rows,
+        input_hold=input_hold,
+        columns=columns,
+        units=units,
+        progress=progress,
+    )
+    watcher = live.watcher
     events: list[dict[str, Any]] = []
-    for record in loaded:
+    for record in several(records, columns, units):
         rows = Rows.of(record.record)
         events += watcher.begin_record(record.source, rows)
         events += watcher.take(rows)

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -114,6 +114,31 @@ def test_no_progress_is_silent_and_records_may_come_one_by_one():
     whole = pb.watch([record], training=record, diagnose=False, progress=None)  # pyright: ignore[reportArgumentType]
     one_by_one = pb.watch((x for x in [record]), training=record, diagnose=False)
     assert one_by_one.watcher.rows == whole.watcher.rows > 0
+
+
+def test_rows_that_come_in_one_by_one_are_watched_as_a_record_is() -> None:
+    training = record_of(voltage_V=levels(40.0, seed=3), seed=3)
+    record = record_of(voltage_V=levels(20.0, seed=4), seed=4)
+    moved = replace(record, displacement_um=record.displacement_um + np.where(record.time_s > 10.0, 3.0, 0.0))
+    whole = pb.watch(moved, training=training, diagnose=False)
+    live = pb.start_watch(training=training, diagnose=False)
+    assert live.units == ("V", "um")
+    said = [
+        event
+        for row in zip(moved.time_s, moved.voltage_V, moved.displacement_um, strict=True)
+        for event in live.take(*row)
+    ]
+    found = live.finish()
+    assert len(found.alarms) == len(whole.alarms) == 1
+    assert any(x["event"] == "alarm" for x in said)
+    assert found.alarms[0]["since"] == whole.alarms[0]["since"]
+    for rows, complaint in [
+        ((1e6, 1.0, [1.0, 2.0]), "found 1, 1 and 2 rows"),
+        ((0.5, 1.0, 1.0), "a time that is not after"),
+        (("soon", 1.0, 1.0), "found time_s = 'soon', expected a number"),
+    ]:
+        with pytest.raises(pb.InputError, match=complaint):
+            live.take(*rows)
 
 
 def test_a_share_is_taken_in_per_cent():
