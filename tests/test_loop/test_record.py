@@ -263,7 +263,7 @@ def test_columns_of_the_names_of_an_fmu_need_no_other_word(tmp_path: Path, heade
         ("t_s,P,T", "K", ("W", "K")),
         ("t_s,P,T [mK]", "K", ("W", "mK")),
         ("t_s,P,T", "m", ("W", "um")),
-        ("t_s,P,T [mm]", "m", ("W", "mm")),
+        ("t_s,P,T [mm]", "m", ("W", "um")),
     ],
 )
 def test_a_column_without_a_unit_is_in_that_of_its_variable(tmp_path: Path, header: str, unit: str, quantities):

@@ -377,20 +377,9 @@ def _record_of(
         pairs = ", ".join(f"{words.get(field) or field} from {name!r}" for field, name in sources.items())
         tell(f"{table.path}: read with {table.told}; {pairs}")
     said = (stated.get("voltage", ""), stated.get("displacement", ""))
-    if "voltage" in own and "displacement" not in own and said[1] not in ("", MICROMETRE):
-        _keep_length(values, own)
     quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
     columns: dict[str, Any] = values
     return Record(**columns, quantities=quantities)
-
-
-def _keep_length(values: dict[str, Array], own: dict[str, str]) -> None:
-    """Bring a length beside another command than a voltage to the prefix that suits it, as any other quantity."""
-    read_um = values["displacement_um"]
-    times, unit = compact(MICROMETRE, float(np.nanmax(np.abs(read_um), initial=0.0)))
-    if unit != MICROMETRE:
-        values["displacement_um"] = read_um / round(1.0 / times) if times < 1.0 else read_um * times
-        own["displacement"] = unit
 
 
 def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: str) -> unit_tables.Scale | str | None:
