@@ -246,7 +246,7 @@ def test_what_one_block_alone_shows_of_a_part_that_nobody_would_miss_is_left_out
     model = model_from_table({"format": 1, "name": "gain", "block": blocks})
     found = diagnose(model, [Record(0.19 * np.arange(300.0), volts, readings_um)])
     assert (found.verdict, found.effects) == ("no_gap", ())
-    assert found.sentence.endswith("what is left is below 0.5 % of the stroke (--relevant).")
+    assert found.sentence.endswith("the residual is below 0.5 % of the stroke (--relevant).")
 
 
 def test_a_disturbance_is_found_beside_a_command_of_slow_sines() -> None:

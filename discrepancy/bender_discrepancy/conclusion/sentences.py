@@ -68,7 +68,7 @@ def headline(findings: Findings, measured: Measured) -> str:
         off = "numbers of the model were off" if own else "only the reading was off"
         return f"Nothing is missing, {'but ' if own else ''}{off}: {listed(changes)}."
     if not findings.complete:
-        return f"Simulation and measurement agree: what is left is below {share_of_stroke(findings.search.settings)}."
+        return f"Simulation and measurement agree: the residual is below {share_of_stroke(findings.search.settings)}."
     return "Simulation and measurement agree: they differ by noise only."
 
 

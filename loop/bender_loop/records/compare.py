@@ -19,7 +19,7 @@ FEWEST_READINGS = 3
 
 ROUNDING = 1e-9
 STILL_UM = 1e-9
-"""A simulation that moves less than this does not move: what is left is rounding."""
+"""A simulation that moves less than this does not move: the rest is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
