@@ -6,7 +6,7 @@ what a missing effect has in common with another course; where one is missing be
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,8 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_plant.plant import sub_step_bounds_s
 
+OTHERS = ("linear", "smooth")
+"""Courses of a command beside the held one."""
 MOST_LEADERS = 4
 """Hypotheses that are fitted on another course after every step of a search."""
 
@@ -68,14 +70,10 @@ def better_course(found: Searched, records: Sequence[Record], how: Settings) -> 
     What leaves structure on a held command may be the right effect on another course: the leaders are fitted on each.
     """
     problem, best = found.archive.problem, found.best
-    if not how.decide_hold or how.input_hold != "hold" or how.untimed or not best.hypothesis.parts:
-        return None
-    if not all(_moves(x) and are_even(x.time_s) for x in records):
-        return None
-    if not _is_affordable(best.hypothesis.model(problem.base), records):
+    if not best.hypothesis.parts or not _is_open(found, records, how):
         return None
     left = {}
-    for hold in ("linear", "smooth"):
+    for hold in OTHERS:
         told = how.between_rows(hold)
         courses = [replace(x.drive, linear=told.linear, smooth=told.smooth) for x in problem.observations]
         seen = [replace(x, drive=y) for x, y in zip(problem.observations, courses, strict=True)]
@@ -84,6 +82,43 @@ def better_course(found: Searched, records: Sequence[Record], how: Settings) -> 
         fitted = min(fits, key=lambda x: x.training_square, default=None)
         if fitted is not None and _is_far_better((other, fitted), (problem, best), how):
             left[hold] = residual_square_um2(other, fitted)
+    return _closest(left, how)
+
+
+def course_of_another_effect(
+    found: Searched, records: Sequence[Record], how: Settings, searched: Callable[[Settings], Searched]
+) -> Settings | None:
+    """Return the settings with another course, where one effect on it fits far better than all that was found.
+
+    On a held command a search that ends with structure left may never have fitted the effect that is missing.
+
+    Args:
+        found: by a search that left structure.
+        records: that were searched.
+        how: they were read.
+        searched: returns what a search for one effect finds with other settings.
+    """
+    if not _is_open(found, records, how):
+        return None
+    held, left = (found.archive.problem, found.best), {}
+    for hold in OTHERS:
+        one = searched(how.between_rows(hold))
+        if _is_far_better((one.archive.problem, one.best), held, how):
+            left[hold] = residual_square_um2(one.archive.problem, one.best)
+    return _closest(left, how)
+
+
+def _is_open(found: Searched, records: Sequence[Record], how: Settings) -> bool:
+    """Return whether the command is held because nothing showed another course, and another can be simulated."""
+    if not how.decide_hold or how.input_hold != "hold" or how.untimed:
+        return False
+    if not all(_moves(x) and are_even(x.time_s) for x in records):
+        return False
+    return _is_affordable(found.best.hypothesis.model(found.archive.problem.base), records)
+
+
+def _closest(left: Mapping[str, float], how: Settings) -> Settings | None:
+    """Return the settings with the course that leaves least; None without one."""
     return replace(how.between_rows(min(left, key=lambda x: left[x])), decide_hold=True) if left else None
 
 

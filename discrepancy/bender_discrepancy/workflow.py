@@ -34,7 +34,7 @@ from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.output_error import fit, recounted
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
-from bender_discrepancy.input_hold import OtherCourseError, better_course, decide_input_hold
+from bender_discrepancy.input_hold import OtherCourseError, better_course, course_of_another_effect, decide_input_hold
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import jitter_um, lattice_step_um, printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
@@ -354,20 +354,27 @@ def search_records(
         Interrupted: by the user, after a first ranking.
     """
     how, tell = settings or Settings(), progress or (lambda _: None)
-    try:
-        found = _searched(base, records, how, tell, lacking, most, others)
-    except OtherCourseError as other:
-        how = other.how
-        tell(f"the command fits far better as {how.input_hold} between rows: searching again")
-        found = _searched(base, records, how, tell, lacking, most, others)
-    step = 0.0 if found.verdict.complete or found.sensor_step_um else step_in_motion_um(found)
-    if not step:
-        return found
-    tell("the readings are quantised although the tip never rests: searching again")
-    try:
+
+    def searched(how: Settings, most: int = most, step: float = 0.0) -> SearchResult:
         return _searched(base, records, how, tell, lacking, most, others, step)
-    except Interrupted:
-        raise
+
+    def on(course: Settings) -> SearchResult:
+        tell(f"the command fits far better as {course.input_hold} between rows: searching again")
+        return searched(course)
+
+    try:
+        found = searched(how)
+    except OtherCourseError as other:
+        found = on(other.how)
+    try:
+        if not found.verdict.complete:
+            course = course_of_another_effect(found.found, records, found.settings, lambda x: searched(x, 1).found)
+            found = found if course is None else on(course)
+        step = 0.0 if found.verdict.complete or found.sensor_step_um else step_in_motion_um(found)
+        if not step:
+            return found
+        tell("the readings are quantised although the tip never rests: searching again")
+        return searched(found.settings, step=step)
     except KeyboardInterrupt:
         raise Interrupted(found, searched=True) from None
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,20 +11,24 @@ from hypothesis import strategies as st
 from reported_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 from scipy.signal import lfilter
 
-from bender_compiled.simulation import Simulator
+from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
 from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, recalibrated_readings
 from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import predicted_errors
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import observe, turns_plays
+from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.grades import contradicted, grade, relevant_part
 from bender_discrepancy.search.judgement.probability import Case, probability
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
+from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import conclude, diagnose
 from bender_loop.errors import InputError
@@ -258,6 +263,66 @@ def test_a_disturbance_is_found_beside_a_command_of_slow_sines() -> None:
     table = {"format": 1, "name": "gain", "block": [{"id": "linear_transduction", "sensitivity_um_per_V": 0.5}]}
     found = diagnose(model_from_table(table), [Record(time_s, volts, readings_um + 0.02 * rng.normal(size=320))])
     assert (found.verdict, [x.id for x in found.added]) == ("named", ["periodic_disturbance"])
+
+
+def limited(*high_rows: int) -> Record:
+    """A record of a gain of 1 µm/V with a limit at 30 µm, reached in 30 rows from each of some, beside a hum."""
+    rng = np.random.default_rng(5)
+    time_s, volts = FRAME_S * np.arange(600.0), rng.uniform(10.0, 20.0, 600)
+    for k in high_rows:
+        volts[k : k + 30] = rng.uniform(25.0, 50.0, 30)
+    held = np.concatenate([[0.0], volts[:-1]])
+    hum_um = 0.3 * np.sin(2.0 * np.pi * 1.3 * time_s)
+    return Record(time_s, volts, np.minimum(held, 30.0) + hum_um + NOISE_um * rng.standard_normal(600))
+
+
+@pytest.mark.parametrize(("high_rows", "word"), [((300,), "likely"), ((120, 300, 480), "certain")])
+def test_what_one_block_alone_shows_is_not_certain_beside_structure(high_rows: tuple[int, ...], word: str) -> None:
+    blocks = [
+        {"id": "linear_transduction", "sensitivity_um_per_V": 1.0},
+        {"id": "calibration", "gain": 1.0, "offset_um": 0.0},
+    ]
+    model, records = model_from_table({"format": 1, "name": "gain", "block": blocks}), [limited(*high_rows)]
+    (graded,) = told(records, hypothesis(model, records, ("limit above", (30.0,))), base=model).grades.effects
+    assert graded.grade == word
+
+
+def grades_of(
+    effects: dict[str, dict[str, Any]], noise_um: float, *parts: tuple[str, tuple[float, ...]]
+) -> dict[str, str]:
+    """The grades of these forms, fitted to a record with less noise than usual; each is tried without one of them."""
+    record = record_of(effects=effects)
+    drive = Drive.of_rows(record.time_s, record.voltage_V)
+    plant = PAPER
+    for effect, parameters in effects.items():
+        plant = plant.with_block(effect, **parameters)
+    noise = noise_um * np.random.default_rng(3).standard_normal(len(record))
+    record = replace(record, displacement_um=Simulator(drive).run(plant).reading_um + noise)
+    bench = problem_of(PAPER, (observe(record),))
+    kept = [[y for y in parts if y is not x] for x in parts]
+    fits = [fit(bench, hypothesis(PAPER, [record], *x)) for x in ((), parts, *kept)]
+    archive = Archive(bench, noise_um)
+    archive.add([x for x in fits if x is not None])
+    base, best = fits[:2]
+    assert base is not None
+    assert best is not None
+    return {x.id: x.grade for x in grade(Searched(archive, base, best), Rules()).effects}
+
+
+@pytest.mark.parametrize(("sine_um", "word"), [(0.02, "likely"), (0.2, "certain")])
+def test_what_adds_no_more_than_the_last_percent_of_the_gap_is_not_certain(sine_um: float, word: str) -> None:
+    hum = {"sine_um": sine_um, "cosine_um": 0.0, "frequency_Hz": 1.3}
+    parts = (("source_resistance", (0.06,)), ("periodic_disturbance", (sine_um, 0.0, 1.3)))
+    found = grades_of({**LAGGING, "periodic_disturbance": hum}, 0.001, *parts)
+    assert found == {"source_resistance": "certain", "periodic_disturbance": word}
+
+
+@pytest.mark.parametrize(("time_constant_s", "word"), [(2000.0, "likely"), (30.0, "certain")])
+def test_an_effect_of_which_no_number_is_told_is_not_certain(time_constant_s: float, word: str) -> None:
+    """A leak that hardly begins within the record is a slope: part and time constant make up for each other."""
+    leak = {"fraction": 0.5, "time_constant_s": time_constant_s}
+    found = grades_of({"charge_leakage": leak}, 0.01, ("charge_leakage", (0.5, time_constant_s)))
+    assert found == {"charge_leakage": word}
 
 
 def test_two_effects_of_which_each_is_missed_both_stay() -> None:

@@ -40,7 +40,7 @@ def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
     frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, starts, no_answer_at="both")
     # what does not ring is two lags, what rings on for ever a disturbance
     damping = Free("damping_ratio", 0.0005, 0.94, True, (0.03, 0.3), no_answer_at="both")
-    share = replace(amplitude("share", 0.02, 1.0), no_answer_at="both")
+    share = replace(amplitude("share", 0.02, 1.0), no_answer_at="low")
     return (simple("second_mode", share, frequency, damping, memory=True),)
 
 

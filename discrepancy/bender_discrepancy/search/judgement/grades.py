@@ -29,7 +29,7 @@ from bender_discrepancy.search.judgement.rules import (
     ended_without_answer,
     is_special_case,
 )
-from bender_discrepancy.search.noise import floor_limit, floor_square_um2
+from bender_discrepancy.search.noise import floor_limit, floor_square_um2, residual_square_um2
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -157,19 +157,20 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
             continue
         is_rest = rules.closed_share(archive, x.without, searched.best) >= rules.closes
         is_rest = is_rest or _takes_all_structure(archive, rules, x.without, searched.best)
-        if not is_rest or _is_shown_once(archive, rules, x.without):
+        if not is_rest or _is_shown_once(archive, rules, x.without, searched.best):
             return relevant_part(replace(searched, best=x.without), rules)
     return searched
 
 
-def _is_shown_once(archive: Archive, rules: Rules, without: Fitted) -> bool:
-    """Return whether a hypothesis without an effect, fitted to all blocks but one, leaves noise of these.
+def _is_shown_once(archive: Archive, rules: Rules, without: Fitted, best: Fitted) -> bool:
+    """Return whether one block alone shows an effect.
 
-    What happens once may be an accident, and many a form can stand in for it.
+    Then a hypothesis without it, fitted to all other blocks, leaves of these by chance no more than noise, or than the
+    best one leaves of all. What happens once may be an accident, and many a form can stand in for it.
     """
     problem = archive.problem
-    most = floor_limit(problem, rules.confidence, judged=False) * floor_square_um2(problem, archive.noise_um)
-    return least_beside_a_block(problem, without) <= most
+    least = max(floor_square_um2(problem, archive.noise_um), residual_square_um2(problem, best))
+    return least_beside_a_block(problem, without) <= floor_limit(problem, rules.confidence, judged=False) * least
 
 
 def _takes_all_structure(archive: Archive, rules: Rules, without: Fitted, fitted: Fitted) -> bool:
@@ -214,11 +215,12 @@ def _graded(
     likely = probability(case)
     alone = len(best.hypothesis.parts) == 1
     is_needed = alone or rules.is_material(archive, base, without, best)
+    is_needed = is_needed and not rules.is_of_last_percent(archive, base, without, best)
     is_shown = archive.difference(best, without).deviations > rules.certain_deviations
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
-    is_certain = is_certain and not _interval_reaches_no_answer(archive, best, index)
-    is_certain = is_certain and not _is_shown_once(archive, rules, without)
+    is_certain = is_certain and _is_determined(archive, best, index)
+    is_certain = is_certain and not _is_shown_once(archive, rules, without, best)
     if part.form.shown:
         is_certain, likely = True, 1.0
     word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
@@ -237,23 +239,29 @@ def _strongest(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
     return archive.best((best, *same)) or best
 
 
-def _interval_reaches_no_answer(archive: Archive, best: Fitted, index: int) -> bool:
-    """Return whether the 95 % interval of a number of an effect holds an end of its range that is no answer."""
+def _is_determined(archive: Archive, best: Fitted, index: int) -> bool:
+    """Return whether the numbers of an effect say that it is this one.
+
+    They do not where the 95 % interval of one of them holds an end of its range that is no answer, nor where several
+    make up for one another until none of them is told: then the records determine a response that other forms have too.
+    """
     parts = best.hypothesis.parts
     part, first = parts[index], sum(len(x.values) for x in parts[:index])
     if ended_without_answer(part):
-        return True
-    if not any(x.no_answer_at for x in part.form.free):
         return False
-    coordinates = uncertainty(archive.problem, best).coordinates
-    for k, (free, value) in enumerate(zip(part.form.free, part.values, strict=True), start=first):
-        deviation = math.sqrt(max(float(coordinates[k, k]), 0.0)) if np.isfinite(coordinates[k, k]) else math.inf
+    if len(part.values) == 1 and not part.form.free[0].no_answer_at:
+        return True
+    variances = np.diag(uncertainty(archive.problem, best).coordinates)[first : first + len(part.values)]
+    are_open = []
+    for free, value, variance in zip(part.form.free, part.values, variances, strict=True):
+        deviation = math.sqrt(max(float(variance), 0.0)) if np.isfinite(variance) else math.inf
+        are_open.append(deviation > (1.0 if free.log else abs(free.inward(value))))
         ends = (free.low, free.high)
         if math.isfinite(deviation):
             ends = tuple(free.outward(free.inward(value) + sign * TWO_SIDED_95 * deviation) for sign in (-1.0, 1.0))
         if any(free.ends_without_answer(x) for x in ends):
-            return True
-    return False
+            return False
+    return len(are_open) == 1 or not all(are_open)
 
 
 def _counts_against(archive: Archive, best: Fitted, other: Fitted) -> bool:
@@ -328,7 +336,7 @@ def _reach(
     if not complete:
         includes = {y for x in lost for y in EFFECTS[x].includes}
         return "as large" if rest * rules.remainder < left and not more <= includes else ""
-    within = rest - left <= rules.last_percent**2 * above_floor_um2(archive, base)
+    within = rules.is_of_last_percent(archive, base, other, best)
     if within and other.hypothesis.free_count < best.hypothesis.free_count:
         return "plainer"
     sides = {EFFECTS[x].same_on_other_side for x in lost}

@@ -139,6 +139,11 @@ class Rules:
         count = max(len(fitted.hypothesis.parts) - len(without.hypothesis.parts), 1)
         return rest - left >= min(self.remainder * rest, count * self.inadequacy * above_floor_um2(archive, base))
 
+    def is_of_last_percent(self, archive: Archive, base: Fitted, without: Fitted, fitted: Fitted) -> bool:
+        """Return whether one hypothesis removes no more of what another one leaves than forms differ from nature's."""
+        rest, left = (above_floor_um2(archive, x) for x in (without, fitted))
+        return rest - left <= self.last_percent**2 * above_floor_um2(archive, base)
+
     def complexity(self, archive: Archive, fitted: Fitted) -> int:
         """Return how many numbers a hypothesis has, those of its linear structure included.
 
