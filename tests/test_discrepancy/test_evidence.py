@@ -287,16 +287,17 @@ def test_what_one_block_alone_shows_is_not_certain_beside_structure(high_rows: t
     assert graded.grade == word
 
 
-def grades_of(
-    effects: dict[str, dict[str, Any]], noise_um: float, *parts: tuple[str, tuple[float, ...]]
-) -> dict[str, str]:
-    """The grades of these forms, fitted to a record with less noise than usual; each is tried without one of them."""
+def quiet(
+    effects: dict[str, dict[str, Any]], noise_um: float, hum_um: float, *parts: tuple[str, tuple[float, ...]]
+) -> Searched:
+    """These forms, and without one of them each, fitted to a record with so much noise and a hum that none explains."""
     record = record_of(effects=effects)
     drive = Drive.of_rows(record.time_s, record.voltage_V)
     plant = PAPER
     for effect, parameters in effects.items():
         plant = plant.with_block(effect, **parameters)
     noise = noise_um * np.random.default_rng(3).standard_normal(len(record))
+    noise += hum_um * np.sin(17.0 * record.time_s)
     record = replace(record, displacement_um=Simulator(drive).run(plant).reading_um + noise)
     bench = problem_of(PAPER, (observe(record),))
     kept = [[y for y in parts if y is not x] for x in parts]
@@ -306,7 +307,12 @@ def grades_of(
     base, best = fits[:2]
     assert base is not None
     assert best is not None
-    return {x.id: x.grade for x in grade(Searched(archive, base, best), Rules()).effects}
+    return Searched(archive, base, best)
+
+
+def grades_of(effects: dict[str, dict[str, Any]], noise_um: float, *parts: tuple[str, tuple[float, ...]]) -> Any:
+    """The grade of each of these forms, fitted to such a record without that hum."""
+    return {x.id: x.grade for x in grade(quiet(effects, noise_um, 0.0, *parts), Rules()).effects}
 
 
 @pytest.mark.parametrize(("sine_um", "word"), [(0.02, "likely"), (0.2, "certain")])
@@ -323,6 +329,30 @@ def test_an_effect_of_which_no_number_is_told_is_not_certain(time_constant_s: fl
     leak = {"fraction": 0.5, "time_constant_s": time_constant_s}
     found = grades_of({"charge_leakage": leak}, 0.01, ("charge_leakage", (0.5, time_constant_s)))
     assert found == {"charge_leakage": word}
+
+
+@pytest.mark.parametrize(
+    ("effects", "part", "least_um", "word"),
+    [
+        (LAGGING, LAG, 0.05, "certain"),
+        (LAGGING, LAG, 4.0, "likely"),
+        ({"periodic_disturbance": {"sine_um": 1.0, "cosine_um": 0.0, "frequency_Hz": 1.3}}, HUM, 0.05, "likely"),
+    ],
+)
+def test_beside_structure_what_closes_most_and_knows_more_than_the_time_is_certain(
+    effects: dict[str, dict[str, Any]], part: tuple[str, tuple[float, ...]], least_um: float, word: str
+) -> None:
+    (graded,) = grade(quiet(effects, 0.001, least_um, part), Rules()).effects
+    assert graded.grade == word
+
+
+@pytest.mark.parametrize(("least_um", "stays"), [(0.01, True), (0.04, False)])
+def test_an_effect_that_nobody_would_miss_stays_beside_little_structure(least_um: float, stays: bool) -> None:
+    """It closes nine tenths of what the others leave, or too little, and noise alone is left in neither case."""
+    hum = {"periodic_disturbance": {"sine_um": 0.1, "cosine_um": 0.0, "frequency_Hz": 1.3}}
+    parts = (LAG, ("periodic_disturbance", (0.1, 0.0, 1.3)))
+    found = quiet({**LAGGING, **hum}, 0.001, least_um, *parts)
+    assert relevant_part(found, Rules(relevant=0.01)).best.hypothesis.effects == tuple(x for x, _ in parts[: 1 + stays])
 
 
 def test_two_effects_of_which_each_is_missed_both_stay() -> None:

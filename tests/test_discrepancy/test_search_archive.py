@@ -345,6 +345,32 @@ def test_less_left_closes_more_and_is_small_sooner(one: float, other: float) -> 
 CLOSING = lagging()
 
 
+def leaving(*levels_um: float) -> list[Fitted]:
+    """Return hypotheses of one effect that leave the same in every row, so much each."""
+    rows = CLOSING.problem.observations[0].usable.size
+    return [replace(CLOSING.best, residuals=(level_um * np.ones(rows),)) for level_um in levels_um]
+
+
+@pytest.mark.parametrize(
+    ("without_um", "left_um", "is_material"),
+    [(2.0, 1.5, False), (2.0, 1.4, True), (9.0, 8.75, False), (9.0, 8.7, True), (2.0, 2.5, False), (0.08, 0.06, False)],
+)
+def test_what_is_material_removes_half_of_the_rest_or_a_twentieth_of_the_gap(
+    without_um: float, left_um: float, is_material: bool
+) -> None:
+    base, without, fitted = leaving(10.0, without_um, left_um)
+    assert RULES.is_material(CLOSING.archive, base, without, fitted) is is_material
+
+
+@pytest.mark.parametrize(
+    ("without_um", "left_um", "is_last"),
+    [(0.15, 0.13, True), (0.15, 0.1, False), (0.11, 0.06, True), (1.0, 0.9, False)],
+)
+def test_the_last_percent_is_one_of_the_size_of_the_gap(without_um: float, left_um: float, is_last: bool) -> None:
+    base, without, fitted = leaving(10.0, without_um, left_um)
+    assert RULES.is_of_last_percent(CLOSING.archive, base, without, fitted) is is_last
+
+
 def test_what_belongs_to_the_record_must_remove_most_of_the_rest(search: SearchResult) -> None:
     """A drift of a tenth of the gap is no effect of the device, and does not stand beside one."""
     record = record_of(effects=LAGGING, voltage_V=levels(20.0))
