@@ -6,7 +6,9 @@ output fails, what is written to a closed standard error goes nowhere. No module
 a `statistics.py` that lies there is not the one of Python, here and in every process that is started from here.
 """
 
-import contextlib
+import bender_cli.working_folder  # noqa: F401  before whatever else is imported
+
+# isort: split
 import io
 import os
 import signal
@@ -20,7 +22,6 @@ INTERRUPTED = 130
 def entry() -> NoReturn:
     """Run as a process: `bender` on the command line."""
     _fill_closed_streams()
-    _forget_the_working_folder()
     from bender_cli.main import entry as run
 
     run(_take_interrupts)
@@ -52,14 +53,6 @@ def _leave(_number: int, _frame: object) -> NoReturn:
         os.write(2, b"bender: interrupted\n")
     finally:
         os._exit(INTERRUPTED)
-
-
-def _forget_the_working_folder() -> None:
-    os.environ["PYTHONSAFEPATH"] = "1"
-    # `python -m` has put it first
-    with contextlib.suppress(OSError):
-        if not sys.flags.safe_path and sys.path[0] in ("", os.getcwd()):
-            del sys.path[0]
 
 
 def _fill_closed_streams() -> None:

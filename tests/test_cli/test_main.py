@@ -159,7 +159,7 @@ def _bender(*words: str, folder: Path, **settings: Any) -> "subprocess.Completed
     return subprocess.run(command, cwd=folder, stderr=subprocess.PIPE, text=True, check=False, **settings)
 
 
-@pytest.mark.parametrize("name", ["random", "argparse"])
+@pytest.mark.parametrize("name", ["random", "argparse", "signal", "threading", "typing", "re"])
 def test_nothing_is_imported_from_the_working_folder(tmp_path: Path, name: str):
     (tmp_path / f"{name}.py").write_text("raise SystemExit(5)")
     done = _bender("--version", folder=tmp_path, stdout=subprocess.DEVNULL)

@@ -18,6 +18,7 @@ from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.ending import EndOfRun, conduct, last_line
 from bender_hil.log.expectation import missing_frames, unexpected_behaviour
 from bender_hil.log.read_run import RunLog
+from bender_hil.log.results import write_results
 from bender_hil.log.summary import summarise
 from bender_hil.runner import run as runner
 from bender_hil.runner import steadiness
@@ -346,6 +347,14 @@ def _loop(
 
 def _line(log: RunLog) -> str:
     return last_line(conduct(summarise(log), 0, None, unexpected_behaviour(log)), PLANNED)
+
+
+def test_the_line_of_a_run_judges_by_it(tmp_path: Path):
+    stuck = _log(np.full(900, 3.0).tolist(), (10.0 + 8.0 * np.sin(0.05 * np.arange(900))).tolist(), None)
+    assert unexpected_behaviour(stuck)
+    line = write_results(tmp_path, stuck, None, PLANNED).line
+    assert line == _line(stuck)
+    assert line.startswith("not as planned")
 
 
 @given(

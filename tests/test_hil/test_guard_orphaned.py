@@ -21,7 +21,7 @@ from bender_hil.guard.start import GuardProcess
 from bender_hil.guard.watched import Watchman
 from bender_hil.guard.watchman import Known
 from bender_loop.errors import InputError
-from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.last_word import UNKNOWN, number_of_outputs, status_at_last
 
 pytest.importorskip("pyvisa_py")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -145,6 +145,18 @@ def test_controller_and_guard_killed_and_a_stuck_output_is_an_alarm(supply: Emul
     assert "the output is off" not in said
 
 
+def test_a_second_unit_at_the_address_cannot_say_off_to_the_watchman(supply: EmulatedSupply, tmp_path: Path):
+    with Orphaned(supply, tmp_path) as orphaned:
+        supply.fault("other_unit")
+        os.kill(orphaned.guard, signal.SIGKILL)
+        orphaned.process.kill()
+        said = orphaned.complaint("no guard", 15.0)
+    assert UNKNOWN in said
+    assert "EMU000002" in said
+    assert "the output is off" not in said
+    assert supply.truth()["is_on"]
+
+
 @pytest.mark.slow
 def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply: EmulatedSupply, tmp_path: Path):
     with Orphaned(supply, tmp_path) as orphaned:
@@ -210,7 +222,9 @@ def test_a_guard_whose_journal_cannot_be_made_refuses_before_it_opens_anything(s
 def test_a_second_unit_at_the_address_cannot_say_off_for_the_one_that_was_opened(
     supply: EmulatedSupply, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
+    before = number_of_outputs()
     guard = GuardProcess(orders(supply.resource, tmp_path))
+    assert number_of_outputs() == before + 1
     drive(guard, 12)
     supply.fault("other_unit")
     guard.process.kill()
@@ -220,6 +234,9 @@ def test_a_second_unit_at_the_address_cannot_say_off_for_the_one_that_was_opened
     assert truth["output_V"] > 20.0
     assert ended.status is Status.UNCONFIRMED
     assert "EMU000002" in ended.alarm
+    assert UNKNOWN in capfd.readouterr().err
+    # whatever the command comes to after that, this is its status and its last line
+    assert status_at_last(0, before) == Status.UNCONFIRMED
     assert UNKNOWN in capfd.readouterr().err
 
 

@@ -2,15 +2,22 @@ import socket
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from emulated_bench import assert_off, drive, emulated_supply, orders, wait_until_off
 from scripted_source import ClockedSource, KeptJournal
 
+from bender_export.build import ensure_plant_fmu
+from bender_hil.bench_file import read_bench
 from bender_hil.guard.guard import Guard
 from bender_hil.guard.settings import GuardSettings
+from bender_hil.guard.spares import Ended
 from bender_hil.guard.start import GuardProcess
 from bender_hil.guard.stop_ear import HEARD, StopEar, say_stop
+from bender_hil.runner.program import OpenLoop
+from bender_hil.runner.run import run
+from bender_hil.runner.voltages import Voltages
 from bender_loop.shell.messages import Listener, call
 
 TOKEN = "0123456789abcdef0123456789abcdef"
@@ -117,3 +124,33 @@ def test_who_says_stop_once_more_on_the_way_down_is_answered():
         answers = [say_stop(ear.port, TOKEN, 1.0) for _ in range(3)]
         thread.join()
     assert answers == [True, True, True]
+
+
+class Button:
+    """Who may say STOP, and which ports it was told, with how many guards had been waited for by then."""
+
+    token = TOKEN
+
+    def __init__(self) -> None:
+        self.waited = 0
+        self.told: list[tuple[bool, int]] = []
+
+    def armed(self, port: int | None) -> None:
+        self.told.append((port is not None, self.waited))
+
+
+def test_who_says_stop_is_connected_until_the_output_is_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("cv2")
+    button, wait = Button(), GuardProcess.wait
+
+    def waited(guard: GuardProcess) -> Ended:
+        ended = wait(guard)
+        button.waited += 1
+        return ended
+
+    monkeypatch.setattr(GuardProcess, "wait", waited)
+    path = tmp_path / "bench.toml"
+    path.write_text("[emulator]\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n")
+    program = OpenLoop(Voltages((0.0,), (0.0,), 0.3))
+    run(read_bench(path), program, tmp_path / "run", fmu=ensure_plant_fmu, stop=button)
+    assert button.told == [(True, 0), (False, 1)]

@@ -51,6 +51,16 @@ def test_an_earlier_investigation_is_not_written_over(tmp_path, capsys):
     assert "go on with it by --resume" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("lost", [b"", b"\0" * 400])
+def test_nobody_goes_on_over_a_journal_that_was_lost(tmp_path, capsys, lost):
+    (tmp_path / JOURNAL).write_bytes(lost)
+    (tmp_path / "01-rest").mkdir()
+    assert main(["investigate", "--resume", "--out", str(tmp_path)]) == 2
+    assert "begin a new investigation in another directory" in capsys.readouterr().err
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["01-rest", JOURNAL]
+    assert (tmp_path / JOURNAL).read_bytes() == lost
+
+
 @pytest.mark.slow
 def test_on_the_emulated_bench_within_a_budget_and_taken_up_again(tmp_path: Path):
     (tmp_path / "bench.toml").write_text(PATIENT)
