@@ -107,6 +107,26 @@ def test_a_good_model_is_kept_and_a_worse_one_is_not_written(tmp_path: Path) -> 
     assert any("no model was written" in x for x in worse.to_dict()["warnings"])
 
 
+@pytest.mark.parametrize(("closed", "is_written"), [((0.4, 0.25), False), ((0.4, 0.15), True), ((-0.1, 0.0), False)])
+def test_what_held_out_readings_do_not_show_to_close_any_of_the_gap_is_not_written(
+    closed: tuple[float, float], is_written: bool, tmp_path: Path
+) -> None:
+    record = record_of(effects=LAGGING, voltage_V=levels(4.0))
+    search = told([record], hypothesis(PAPER, [record], LAG))
+    found = conclude(search, ["record"], lambda _: None)
+    found = replace(found, gap=replace(found.gap, closed=closed))
+    found.write(tmp_path, report=False)
+    assert (tmp_path / "model.toml").exists() is is_written
+    said = [x for x in found.to_dict()["warnings"] if "do not show that it would be better" in x]
+    assert bool(said) is not is_written
+    # calibration alone is no effect of which held-out readings would have to show anything
+    plain = conclude(told([record]), ["record"], lambda _: None)
+    plain = replace(plain, gap=replace(plain.gap, closed=closed))
+    (tmp_path / "plain").mkdir()
+    plain.write(tmp_path / "plain", report=False)
+    assert (tmp_path / "plain" / "model.toml").exists()
+
+
 def test_what_the_noise_of_few_quiet_readings_does_is_no_reason_to_take_an_effect_out() -> None:
     rng = np.random.default_rng(5)
     apart = rng.standard_normal(15) * 0.03

@@ -14,9 +14,9 @@ from bender_discrepancy.conclusion.notes import (
     elsewhere,
     excitation_of,
     more_than_noise,
+    not_written,
     set_aside,
     warnings,
-    worse,
 )
 from bender_discrepancy.conclusion.sentences import evidence, heading_of, headline, reason
 from bender_discrepancy.conclusion.shares import EQUATION, OWN_NUMBERS, held_square_um2
@@ -40,8 +40,14 @@ MODEL, FMU = "model.toml", "model.fmu"
 
 
 def is_written(findings: Findings, measured: Measured) -> bool:
-    """Return whether there is a corrected model to write: not a worse one, nor one of another device."""
-    return not (measured.is_worse or findings.is_another_device)
+    """Return whether there is a corrected model to write.
+
+    Not a worse one, nor one of another device, nor one whose effects the held-out readings do not show to close any of
+    the gap; a recalibrated one may always be.
+    """
+    if measured.is_worse or findings.is_another_device:
+        return False
+    return not (findings.simulated and measured.is_unproved)
 
 
 def outcome(
@@ -97,7 +103,7 @@ def outcome(
         "sensor_step_um": search.sensor_step_um or None,
         "exposure_s": _exposure_s(search),
         "warnings": [
-            *worse(measured),
+            *not_written(findings, measured),
             *elsewhere(search, measured),
             *more_than_noise(findings, measured),
             *warnings(findings),

@@ -18,7 +18,17 @@ from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
 from bender_loop.records.end_of_range import ends_of_range
 from bender_report.number import Number
-from bender_report.wording import WHOSE_DELAY, fields, figure, input_word, listed, percent, quantity, with_interval
+from bender_report.wording import (
+    HALF_WIDTH,
+    WHOSE_DELAY,
+    fields,
+    figure,
+    input_word,
+    listed,
+    percent,
+    quantity,
+    with_interval,
+)
 
 ALIASES_TOLD = 3
 UNWRITTEN = "no corrected model was written"
@@ -430,16 +440,22 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     ]
 
 
-def worse(measured: Measured) -> list[str]:
-    """Return a warning where the corrected model is worse than the recalibrated one, and was not written."""
-    if not measured.is_worse:
-        return []
-    others = [("calibration alone", measured.recalibrated.rms_um), ("the model as given", measured.before.rms_um)]
-    better, left_um = min(others, key=lambda x: x[1])
-    return [
-        f"no model was written: on held-out readings it would leave {quantity(measured.after.rms_um, 'um')}, "
-        f"{better} {quantity(left_um, 'um')}"
-    ]
+def not_written(findings: Findings, measured: Measured) -> list[str]:
+    """Return a warning where the corrected model was not written: it is worse, or not shown to be better."""
+    if measured.is_worse:
+        others = [("calibration alone", measured.recalibrated.rms_um), ("the model as given", measured.before.rms_um)]
+        better, left_um = min(others, key=lambda x: x[1])
+        return [
+            f"no model was written: on held-out readings it would leave {quantity(measured.after.rms_um, 'um')}, "
+            f"{better} {quantity(left_um, 'um')}"
+        ]
+    if findings.simulated and measured.is_unproved:
+        share, width = 100.0 * max(measured.closed[0], 0.0), 100.0 * HALF_WIDTH * measured.closed[1]
+        return [
+            "no model was written: held-out readings do not show that it would be better; it closes "
+            f"{share:.0f} ± {width:.0f} % of the gap there"
+        ]
+    return []
 
 
 def more_than_noise(findings: Findings, measured: Measured) -> list[str]:

@@ -39,6 +39,7 @@ from bender_loop.records.record import Record
 from bender_loop.shell.files import write_atomically
 from bender_plant.model import Model
 from bender_plant.plant import sub_step_bounds_s
+from bender_report.wording import HALF_WIDTH
 
 # differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
 SAME_um, SAME_OF_FLOOR = 1e-5, 1e-2
@@ -100,6 +101,15 @@ class Measured:
             self._is_beyond(self.recalibrated.rms_um, self.by_chance_um2)
             or self._is_beyond(self.before.rms_um, self.by_chance_given_um2)
         )
+
+    @property
+    def is_unproved(self) -> bool:
+        """Whether the part of the gap that the corrected model closes, on the reported rows, may be 0 (95 % interval).
+
+        It is then not written either: it may be better where it was fitted alone.
+        """
+        share, error = self.closed
+        return self.is_corrected and math.isfinite(error) and share <= HALF_WIDTH * error
 
     def falls_short(self, closes: float) -> bool:
         """Return whether the corrected model closes less than a part of the gap, by more than the error of that."""
