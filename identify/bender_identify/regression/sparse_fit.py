@@ -15,6 +15,8 @@ Support = tuple[int, ...]
 
 RIDGE = 0.05
 LIKELY = 0.5
+DEPENDENT = 1e-8
+"""Part of a column that rounding may leave of one that others add up to."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,14 +42,36 @@ def supports(regression: Regression) -> list[Support]:
 
 
 def greedy_supports(regression: Regression) -> list[Support]:
-    """Return the sets of terms along the path of forward orthogonal least squares, the sparsest first."""
+    """Return the sets of terms along the path of forward orthogonal least squares, the sparsest first.
+
+    A column that the ones before it add up to is not offered: nothing of it is left beside them.
+    """
     import pysindy
 
+    offered = _independent(regression.library)
+    if not offered:
+        return []
     optimiser: Any = pysindy.FROLS(alpha=RIDGE, kappa=0.0)
-    _fit(optimiser, regression.library, regression.rates)
+    _fit(optimiser, regression.library[:, offered], regression.rates)
     steps = (np.flatnonzero(np.asarray(step)) for step in (*optimiser.history_, optimiser.coef_))
-    found = {tuple(int(k) for k in support) for support in steps if support.size}
+    found = {tuple(offered[int(k)] for k in support) for support in steps if support.size}
     return sorted(found, key=lambda s: (len(s), s))
+
+
+def _independent(columns: Array) -> list[int]:
+    """Return the columns of which something is left beside those before them."""
+    kept: list[int] = []
+    directions = np.empty((columns.shape[0], 0))
+    for k, column in enumerate(columns.T):
+        size = float(np.linalg.norm(column))
+        left = column
+        # twice: what rounding leaves of the first time would count as a direction
+        for _ in range(2):
+            left = left - directions @ (directions.T @ left)
+        if np.linalg.norm(left) > DEPENDENT * size:
+            kept.append(k)
+            directions = np.column_stack([directions, left / np.linalg.norm(left)])
+    return kept
 
 
 def least_squares(regression: Regression, support: Support) -> Array:
