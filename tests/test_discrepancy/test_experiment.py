@@ -3,7 +3,7 @@
 import argparse
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -224,6 +224,17 @@ def test_what_no_command_would_show_is_said_to_be_invisible() -> None:
     assert found.to_dict()["value"] is None
     assert visible_rows({"slew_limit": found.to_dict()}) == []
     assert len(never_visible({"slew_limit": found.to_dict()})) == 1
+
+
+@pytest.mark.parametrize("damping_ratio", [0.62, 0.95])
+def test_a_damping_beyond_all_that_is_sought_shows_at_no_size(damping_ratio: float) -> None:
+    """All that is sought is below it: the largest distance from it is negative, and has no logarithm."""
+    own = next(x.parameters for x in load_model("beam").blocks if x.id == "bending_modes")
+    damped = load_model("beam").with_block("bending_modes", **(asdict(own) | {"damping_ratio": damping_ratio}))
+    search = with_forms(told([record_of(damped, voltage_V=levels(8.0))], base=damped))
+    forms = tuple(x for x in search.candidates if x.effect == "structural_damping")
+    assert forms[0].free[0].high < damping_ratio
+    assert smallest_visible(replace(search, candidates=forms))["structural_damping"].value is None
 
 
 def test_every_effect_of_the_catalogue_has_a_size_that_can_be_told() -> None:
