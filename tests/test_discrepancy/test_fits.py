@@ -1,7 +1,9 @@
 """Fits: where they set out and end, numbers whose misfit changes in jumps, what standing numbers take over."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +24,8 @@ from bender_discrepancy.fitting.scans.jumps import FINER_AND_FINER, middle_of_eq
 from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.workflow import candidate_forms
+from bender_discrepancy.search import explore
+from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -294,3 +297,54 @@ def test_an_amplitude_that_sets_out_from_nought_is_tried_with_its_unit() -> None
     (usual,), (found,) = (starts.scan(problem, Hypothesis(), x) for x in (form, from_nought))
     assert found.values == pytest.approx(usual.values, rel=1e-6)
     assert found.values[0] == pytest.approx(1e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError, FloatingPointError, OverflowError])
+def test_a_fit_in_which_nothing_can_be_solved_for_has_no_result(
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise error("SVD did not converge")
+
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.08}})
+    problem = problem_of(PAPER, (observe(record),))
+    monkeypatch.setattr(output_error, "least_squares", fails)
+    assert fit(problem, hypothesis(PAPER, [record], ("source_resistance", (0.05,)))) is None
+
+
+LAG = "source_resistance"
+
+
+WHERE: list[tuple[Any, str, Callable[..., bool], tuple[str, ...]]] = [
+    (output_error, "training_residual", lambda _, tried, *__: tried.effects not in ((), (LAG,)), (LAG,)),
+    (explore, "scan_any", lambda _, __, form, *___: form.effect != LAG, (LAG,)),
+    (explore, "standing", lambda *_: True, ()),
+]
+
+
+@pytest.mark.parametrize(("module", "name", "cannot", "left"), WHERE, ids=[x for _, x, *_ in WHERE])
+def test_a_hypothesis_in_which_nothing_can_be_solved_for_does_not_end_the_search(
+    module: Any, name: str, cannot: Callable[..., bool], left: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, failed = getattr(module, name), []
+
+    def fails(*given: Any, **further: Any) -> Any:
+        if cannot(*given):
+            failed.append(given)
+            raise np.linalg.LinAlgError("SVD did not converge")
+        return real(*given, **further)
+
+    monkeypatch.setattr(module, name, fails)
+    beam = load_model("beam")
+    found = search_records(beam, [record_of(beam, {LAG: {"time_constant_s": 0.06}}, levels(8.0))])
+    assert failed
+    assert found.best.hypothesis.effects == left
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_columns_that_are_no_numbers_promise_nothing(bad: float) -> None:
+    """LAPACK refuses to solve for them."""
+    column = np.linspace(0.0, 1.0, 20)
+    broken = np.where(column > 0.5, bad, column)
+    assert starts.solved([broken], column)[1] == math.inf
+    assert starts.solved_with_signs([column], broken, np.array([True]))[1] == math.inf
