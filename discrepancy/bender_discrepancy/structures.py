@@ -37,11 +37,12 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
     Raises:
         InputError: no linear model can be simulated over the records.
     """
+    from bender_identify.first_model.fit import CANNOT_BE
     from bender_identify.first_model.linear_structures import linear_structures
 
     try:
         found = linear_structures(records, how.input_hold, AUTO, names)
-    except ArithmeticError as error:
+    except CANNOT_BE as error:
         raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
     linear = [x for x in found if not x.behind_a_loop]
     plain = [x for x in linear if not x.structure.delay and x.hidden_behind is None and x.rings]

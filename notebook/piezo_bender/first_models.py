@@ -5,16 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from bender_identify.first_model.choice import FirstModel, first_model
+from bender_identify.first_model.choice import FirstModel
 from bender_identify.first_model.course import experiments_of
-from bender_identify.first_model.report import choice_sentence, facts, learned_model, sentences, table
+from bender_identify.first_model.learned import learn
+from bender_identify.first_model.report import choice_sentence, facts, sentences, table
 from bender_identify.first_model.report import columns as table_columns
 from bender_identify.first_model.structures import TEMPLATES
 from bender_identify.settings import InputHold
-from bender_loop.errors import RunError
 from bender_loop.records.record import in_units_of
 from bender_loop.tables.quantities import Quantities
-from bender_plant.model import ModelError
 from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.models import PlantModel, build_fmu
@@ -43,17 +42,14 @@ class FittedModel:
         records: what it was fitted to.
         quantities: units of the command and of the reading.
         name: of the model.
+        model: for `diagnose`, `tune`, `build_fmu` and `simulate`.
     """
 
     outcome: FirstModel
     records: tuple[LoadedRecord, ...]
     quantities: Quantities
     name: str
-
-    @property
-    def model(self) -> PlantModel:
-        """The model, for `diagnose`, `tune`, `build_fmu` and `simulate`."""
-        return PlantModel(learned_model(self.outcome, self.name, self.quantities))
+    model: PlantModel
 
     @property
     def plant(self) -> PlantModel:
@@ -130,8 +126,7 @@ def fit_model(
         progress: is told what is being fitted.
 
     Raises:
-        InputError: a record or an argument cannot be used.
-        RunError: no structure follows the records.
+        InputError: a record or an argument cannot be used, or no structure follows the records.
     """
     one_of("template", template, ("auto", *TEMPLATES))
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
@@ -139,9 +134,8 @@ def fit_model(
     own = in_units_of([x.record for x in loaded])
     hold = cast(InputHold | Literal["auto"], input_hold)
     experiments = experiments_of(own, [x.name for x in loaded], hold)
-    try:
-        found = first_model(experiments, progress, None if template == "auto" else TEMPLATES[template])
-    except (ModelError, ArithmeticError) as error:
-        raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
+    named, quantities = name or Path(loaded[0].name).stem, own[0].quantities
+    only = None if template == "auto" else TEMPLATES[template]
+    found, model = learn(experiments, named, quantities, progress, only)
     kept = tuple(LoadedRecord(x, y.source) for x, y in zip(own, loaded, strict=True))
-    return FittedModel(found, kept, own[0].quantities, name or Path(loaded[0].name).stem)
+    return FittedModel(found, kept, quantities, named, PlantModel(model))

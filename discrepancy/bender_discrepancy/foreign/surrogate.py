@@ -21,7 +21,7 @@ from bender_discrepancy.foreign.slow_copy import with_slow_copy
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_identify.first_model.choice import first_model, select, structures_scored
-from bender_identify.first_model.fit import FirstFit, FitTask, fitted
+from bender_identify.first_model.fit import CANNOT_BE, FirstFit, FitTask, fitted
 from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import Settings
@@ -31,7 +31,6 @@ from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
 from bender_plant.model import Model
-from bender_plant.parameter import ModelError
 from bender_report.wording import unit_text
 
 Array = NDArray[np.float64]
@@ -242,7 +241,7 @@ def _fitted(
         fit = first_model(experiments).chosen if bends else _linear_fit(experiments)
         structure, values = _of_real_delays(fit, runs)
         model = structure.model(values, fit.gain, fit.offsets[0], Path(name).stem)
-    except (ModelError, ArithmeticError) as problem:
+    except CANNOT_BE as problem:
         if undeclared:
             taken = quantities.stated[1] or "m"
             raise InputError(

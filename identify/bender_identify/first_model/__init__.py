@@ -15,6 +15,7 @@ choice          which structure the records support
 | `excerpt` | a part of a long record that is enough to choose a structure |
 | `fit` | one structure fitted by the error of the simulated readings; gain and offsets are solved for inside |
 | `frequency_start` | starts by way of the frequency response: a rational function through it, for every delay |
+| `learned` | records in, the first model and its plant out |
 | `linear_structures` | the linear candidates as plain models, best first, where a search for effects may set out from |
 | `loop_rival` | a loop that does not depend on time, as the rival of every linear structure |
 | `rivals` | one nonlinear part beside a simple structure, as the rival of a further order |

@@ -51,16 +51,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Fit, print, and write the model file, its FMU and the figures; all of them or none.
 
     Raises:
-        InputError: a record or an option cannot be used, or the records excite nothing.
-        RunError: no structure follows the records.
+        InputError: a record or an option cannot be used, or the records excite nothing, or no structure follows them.
     """
-    from bender_identify.first_model.choice import first_model
-    from bender_identify.first_model.report import learned_model
-    from bender_loop.errors import RunError
+    from bender_identify.first_model.learned import learn
     from bender_loop.records.arguments import record_of
     from bender_loop.records.record import in_units_of
     from bender_loop.shell.progress import Progress
-    from bender_plant.model import ModelError
 
     place = _place(arguments)
     records = in_units_of([record_of(arguments, path) for path in arguments.records])
@@ -76,12 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         tell("reading what the input does between the rows")
         experiments = _experiments(arguments, records)
-        try:
-            found = first_model(experiments, tell, only)
-            named = arguments.records[0] if place.stem == "model" else place
-            model = learned_model(found, named.stem, quantities)
-        except (ModelError, ArithmeticError) as error:
-            raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
+        named = arguments.records[0] if place.stem == "model" else place
+        found, model = learn(experiments, named.stem, quantities, tell, only)
     written = _write(place, model, found, quantities)
     _print(found, quantities, written, is_free=only is None)
     return 0

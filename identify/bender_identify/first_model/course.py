@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.choice import Scored, is_better, structures_scored
 from bender_identify.first_model.excerpt import excerpts
-from bender_identify.first_model.fit import FitTask
+from bender_identify.first_model.fit import CANNOT_BE, FitTask
 from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
@@ -96,7 +96,7 @@ def _best(records: Sequence[Record], names: Sequence[str], course: InputHold) ->
     experiments = experiments_of(records, names, course)
     try:
         scores = structures_scored(FitTask.of(excerpts(experiments, stretches=True), rough=True), only=SIMPLE)
-    except ArithmeticError:
+    except CANNOT_BE:
         return None
     return min(scores, key=lambda x: x.held_out_rms)
 

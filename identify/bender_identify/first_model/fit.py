@@ -30,6 +30,9 @@ from bender_plant.parameter import ModelError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+CANNOT_BE = (ModelError, ArithmeticError, np.linalg.LinAlgError)
+"""What says that a structure and records do not go together: a number out of the bounds of its block, a plant that
+runs away, equations that cannot be solved."""
 COARSER = 3.0
 """How much longer the sub-steps of a search are than those of the plant; some 1e-4 of the reading."""
 MOST_EVALUATIONS = 60
@@ -184,7 +187,7 @@ def fitted(
     masks: Sequence[Mask],
     most_evaluations: int = MOST_EVALUATIONS,
 ) -> FirstFit | None:
-    """Fit the numbers of a structure from a start; None where it cannot be simulated there."""
+    """Fit the numbers of a structure from a start; None where it cannot be simulated there, or solved for."""
     from scipy.optimize import least_squares
 
     first = evaluated(task, structure, start, masks)
@@ -201,7 +204,10 @@ def fitted(
 
     point = to_search(structure, start, task)
     steps = SLOPE_STEP / np.maximum(1.0, np.abs(point))
-    found = least_squares(residual, point, max_nfev=most_evaluations, diff_step=steps, x_scale=1.0)
+    try:
+        found = least_squares(residual, point, max_nfev=most_evaluations, diff_step=steps, x_scale=1.0)
+    except np.linalg.LinAlgError:
+        return None
     return evaluated(task, structure, from_search(structure, found.x, task), masks)
 
 

@@ -246,7 +246,10 @@ def _refined(task: FitTask, start: _Try, seen: Sequence[Mask], held_out: Sequenc
 
     begin = np.concatenate([np.zeros(len(names)), own])
     steps = 1e-4 / np.maximum(1.0, np.abs(begin))
-    point = least_squares(residual, begin, max_nfev=EVALUATIONS, diff_step=steps, x_scale=1.0).x
+    try:
+        point = least_squares(residual, begin, max_nfev=EVALUATIONS, diff_step=steps, x_scale=1.0).x
+    except np.linalg.LinAlgError:
+        return None
     values, part = at(point)
     left = _residuals(task, start.structure, values, start.part.effect, part, seen)
     if left is None:
