@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from reported_diagnosis import hypothesis, levels, record_of
+from reported_diagnosis import hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.form import amplitude, simple
@@ -25,6 +25,7 @@ from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import explore
+from bender_discrepancy.search.moves import Catalogue, Kit
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -339,6 +340,20 @@ def test_a_hypothesis_in_which_nothing_can_be_solved_for_does_not_end_the_search
     found = search_records(beam, [record_of(beam, {LAG: {"time_constant_s": 0.06}}, levels(8.0))])
     assert failed
     assert found.best.hypothesis.effects == left
+
+
+def test_nor_does_it_end_what_is_sought_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    record = record_of(effects={LAG: {"time_constant_s": 0.06}})
+    found = told([record], base=PAPER)
+    kit = Kit(None, tuple(candidate_forms(PAPER, found.problem.observations)))
+    sought = (found.archive, Catalogue((kit,)), [found.best], found.best.training_square)
+    monkeypatch.setattr(explore, "standing", fails)
+    assert explore.explore_beside_each(*sought) == []
+    monkeypatch.undo()
+    assert explore.explore_beside_each(*sought)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
