@@ -222,10 +222,10 @@ def plain_logarithmic(axes: "Axes") -> None:
 
 
 def bulk_limits(values: Array, least: float = 0.0) -> tuple[float, float]:
-    """Return limits of an axis that hold all but a few stray values."""
+    """Return limits of an axis that hold all but a few stray values; some room where all are alike."""
     seen = values[np.isfinite(values)]
     low, high = np.quantile(seen, [0.002, 0.998])
     margin = 0.25 * (high - low)
     low, high = max(low - margin, float(seen.min())), min(high + margin, float(seen.max()))
-    room = 0.06 * max(high - low, least)
+    room = 0.06 * max(high - low, least) or 0.1 * (abs(high) or 1.0)
     return min(low - room, -least), max(high + room, least)

@@ -17,6 +17,7 @@ from bender_discrepancy.report.signature.drives import simulate
 from bender_discrepancy.report.signature.picture import draw_signature
 from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, response
 from bender_plant.model import load_model
+from bender_report.chart import bulk_limits
 from bender_report.wording import shown_in
 
 GAIN_um_per_V = FULL_STROKE_um / FULL_VOLTAGE_V
@@ -30,6 +31,12 @@ def test_every_effect_shows_under_its_drive(effect_id: str):
         assert signature.comparison.recalibrated.rms_um < 1e-9
     else:
         assert np.max(np.abs(signature.residual_um)) > 2.0 * signature.drive.noise_um
+
+
+@pytest.mark.parametrize("value", [0.0, -3.0, 1e9, 1e-310])
+def test_an_axis_of_what_stands_still_has_a_length(value: float):
+    low, high = bulk_limits(np.full(20, value))
+    assert low < value < high
 
 
 def test_a_delay_turns_the_phase_and_keeps_the_gain():
