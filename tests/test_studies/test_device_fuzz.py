@@ -2,15 +2,19 @@
 
 import json
 from collections.abc import Generator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from few import few_rows
 
 from bender_cli.main import main
+from bender_identify.first_model.structures import Structure
 from bender_loop.records.record import Record
 from bender_loop.records.zero_move import zero_move
+from bender_proving.devices.device import Device
 from bender_proving.devices.record import draw
 from bender_studies.device_fuzz import campaign
 from bender_studies.device_fuzz.campaign import Tried, try_device
@@ -19,10 +23,10 @@ DEVICES = (502, 504)
 
 
 @pytest.mark.slow
-def test_devices_that_are_drawn_come_to_an_end_without_noise():
+def test_devices_that_are_drawn_come_to_an_end_without_noise_or_a_false_name():
     """`bender benchmark fuzz --devices N` tries as many as one likes."""
     tried = [try_device(draw(seed), 300.0) for seed in DEVICES]
-    assert [x.faults + x.hangs + x.noise for x in tried] == [[]] * len(tried)
+    assert [x.faults + x.hangs + x.noise + x.false for x in tried] == [[]] * len(tried)
     assert all(x.outcome for x in tried)
 
 
@@ -50,6 +54,37 @@ def test_what_a_device_brings_to_light_is_counted(
     tried = try_device(draw(504), 2.0)
     assert getattr(tried, what)
     assert tried.complaints
+
+
+GRADES = {"creep": "certain", "sensor_lag": "certain", "fold": "likely"}
+
+
+@pytest.mark.parametrize(("factor", "is_worse"), [(1.0, False), (20.0, True)])
+def test_a_certain_name_that_is_not_in_the_device_and_a_model_that_is_worse_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, factor: float, is_worse: bool
+):
+    drawn = draw(504)
+    calm = replace(drawn.habits, jump=0.0)
+    lag = replace(drawn, device=Device(("lag",), 2.0, ((0.1,) * 6,), 0.05), habits=calm)
+    gain = lag.device.gain * lag.habits.scale
+    first, corrected = (tomli_w.dumps(Structure().model([], gain * x).to_table()) for x in (1.0, factor))
+    told = {"verdict": "named", "effects": [{"id": x, "grade": y} for x, y in GRADES.items()]}
+    (tmp_path / "bender_cli").mkdir()
+    (tmp_path / "bender_cli" / "__init__.py").touch()
+    (tmp_path / "bender_cli" / "__main__.py").write_text(
+        "import pathlib, sys\n"
+        f"pathlib.Path('first.toml').write_text({first!r})\n"
+        "pathlib.Path('out').mkdir(exist_ok=True)\n"
+        f"pathlib.Path('out/model.toml').write_text({corrected!r})\n"
+        f"print({json.dumps(told)!r} if 'diagnose' in sys.argv else '{{}}')\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    tried = try_device(lag, 60.0)
+    assert tried.outcome == "named"
+    assert tried.certain == ["creep", "sensor_lag"]
+    assert tried.false == ["creep"]
+    assert (tried.worse is not None) is is_worse
+    assert len(tried.complaints) == 1 + is_worse
 
 
 def test_a_false_name_and_a_worse_model_are_told():
