@@ -1,6 +1,7 @@
 """Pictures of effects and records: against closed forms, every view drawn once, the same in any process."""
 
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_S
 from bender_discrepancy.report.chart_process import BESIDE, CHARTS, ChartProcess, charts_of
 from bender_discrepancy.report.effect_pictures import components
 from bender_discrepancy.report.pictured_record import PicturedRecord
+from bender_discrepancy.report.residual_pictures import over_frequency
 from bender_discrepancy.report.signature.drives import simulate
 from bender_discrepancy.report.signature.picture import draw_signature
 from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, response
@@ -129,6 +131,13 @@ def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monk
     assert loop is not None
     assert units[0] in loop.wide
     assert ("rpm" in loop.wide) is (units[1] == "rpm")
+
+
+def test_what_is_met_exactly_has_no_spectrum() -> None:
+    met = replace(pictured(), corrected=False)
+    assert over_frequency(met) is not None
+    met = replace(met, measured_um=met.given_um, noise_um=0.0)
+    assert over_frequency(met) is None
 
 
 def test_one_core_draws_alone(monkeypatch: pytest.MonkeyPatch) -> None:

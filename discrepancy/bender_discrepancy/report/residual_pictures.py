@@ -95,19 +95,21 @@ def as_map(pictured: PicturedRecord) -> Chart:
 
 
 def over_frequency(pictured: PicturedRecord) -> Chart | None:
-    """Return the spectral density of the residual; None where the rows are too few or their times unknown."""
+    """Return the spectral density of the residual; None where rows are too few, without times, or met exactly."""
     if pictured.axis.size < FEWEST_ROWS or pictured.axis_label == "row":
+        return None
+    spectra = [(*banded_density(pictured.axis, values), colour) for values, colour in _residuals(pictured)]
+    # nothing at all is left of what was met exactly, and nothing has no logarithm
+    spectra = [x for x in spectra if np.any(x[1] > 0.0)]
+    if not spectra:
         return None
 
     def draw(figure: "Figure", narrow: bool) -> None:
         del narrow
         axes = figure.subplots()
-        lowest = np.inf
-        for values, colour in _residuals(pictured):
-            frequency, density = banded_density(pictured.axis, values)
+        for frequency, density, colour in spectra:
             axes.loglog(frequency, density, color=light(colour), lw=1.5)
-            lowest = min(lowest, float(np.quantile(density, 0.1)))
-        axes.set_ylim(bottom=0.5 * lowest)
+        axes.set_ylim(bottom=0.5 * min(float(np.quantile(x[x > 0.0], 0.1)) for _, x, _ in spectra))
         step = float(np.median(np.diff(pictured.axis)))
         if pictured.noise_um:
             axes.axhline(pictured.noise_um * np.sqrt(2.0 * step), color=light("muted"), lw=1.0, ls=(0, (4, 3)))

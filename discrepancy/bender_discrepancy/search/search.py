@@ -194,9 +194,11 @@ def parsimonious(archive: Archive, rules: Rules) -> Fitted:
     """Return the simplest hypothesis that predicts held-out blocks as well as the best one.
 
     As well is: within one standard error; or nothing is left in which the further effects could show; or they take off
-    no more than the form of another effect may leave.
+    no more than the form of another effect may leave. Where no hypothesis is within its range, one without effects
+    stands.
     """
     fits = [x for x in archive.fits if rules.is_in_range(archive, x)]
+    fits = fits or [x for x in archive.fits if not x.hypothesis.parts]
     best = archive.best(fits) or fits[0]
     base, effects = _base(archive, best), set(best.hypothesis.effects)
     fewer = [x for x in fits if _is_simpler(x, best)]
