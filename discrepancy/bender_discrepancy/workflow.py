@@ -60,6 +60,7 @@ from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.missing_rows import completed
 from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
+from bender_loop.records.sizes import LEAST_SPAN
 from bender_loop.records.zero_move import without_zero_move
 from bender_plant.blocks.periodic_disturbance import Parameters as Swing
 from bender_plant.blocks.periodic_disturbance import ringing_step_s
@@ -132,7 +133,7 @@ def _longest_step_s(base: Model, form: Form) -> float:
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
     """Return the forms, sized to what the records span until their last row."""
     span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
-    stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
+    stroke = _stroke_um(observations)
     duration = max(float(x.time_s[-1]) for x in observations)
     highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
     first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
@@ -145,6 +146,13 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     own = len(observations)
     found = forms_for(base, sizes)
     return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
+
+
+def _stroke_um(observations: Sequence[Observations]) -> float:
+    """Return how far the readings go that count; of those that stand still there, how far all go, and never nought."""
+    counted = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
+    every = max(float(np.ptp(x.measured_um[np.isfinite(x.measured_um)])) for x in observations)
+    return next((x for x in (counted, every) if x >= LEAST_SPAN), FULL_STROKE_um)
 
 
 def _quickest_line_Hz(observations: Sequence[Observations], highest_Hz: float) -> float:

@@ -8,6 +8,8 @@ from bender_loop.tables.quantities import MICROMETRE, VOLT
 
 MOST_V, MOST_UM, LONGEST_S = 1e5, 1e9, 1e8
 """A hundred kilovolts, a kilometre, three years: beyond these a column has another unit than it is taken for."""
+LEAST_SPAN = 1e-50
+"""Of what changes, in any unit: sums of powers of less are lost among the smallest numbers of a computer."""
 SHORTEST_STEP_S = 1e-9
 """A nanosecond; the fastest digitisers of such benches take microseconds."""
 
@@ -37,9 +39,16 @@ def check_sizes(name: str, record: Record, untimed: bool = False) -> None:
 def check_readings(name: str, record: Record) -> None:
     """Refuse a record whose voltage or displacement is beyond what any actuator sees; InputError says which.
 
-    Of another quantity nobody knows what is too much.
+    Of another quantity nobody knows what is too much; what can hardly be computed with is too little of any.
     """
     reading_um = record.displacement_um[np.isfinite(record.displacement_um)]
+    for column, values in (("voltage_V", record.voltage_V), ("displacement_um", reading_um)):
+        span = float(np.ptp(values)) if values.size else 0.0
+        if 0.0 < span < LEAST_SPAN:
+            raise InputError(
+                f"{name}: {column} moves by {span:.3g} in all, expected no movement or at least {LEAST_SPAN:g}; name "
+                "the unit of the column with --units"
+            )
     if record.quantities.command == VOLT:
         _check(name, "voltage_V", "reaches", float(np.max(np.abs(record.voltage_V))), MOST_V, "V")
     if record.quantities.reading == MICROMETRE:
