@@ -46,6 +46,7 @@ from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s
 from bender_discrepancy.search.full_record import FullRecordCheck, check_on_full_record, verdict_on_full_record
 from bender_discrepancy.search.judgement.grades import grade, relevant_part
+from bender_discrepancy.search.judgement.rules import MOST_GAIN
 from bender_discrepancy.search.judgement.verdict import decide
 from bender_discrepancy.search.moves import Catalogue, Kit
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult, rules_for
@@ -241,6 +242,7 @@ def diagnose(
             how = how if base is None else decide_input_hold(base, records, how)
             lacking, most = (box.lacking(), box.leading) if box else ((), MOST_EFFECTS)
             found = search_records(given, records, how, tell, lacking, most, others)
+        refuse_gain(found)
         try:
             while box and (nearer := box.again(found, tell)) is not None:
                 found = search_records(given, [printed(x) for x in nearer], how, tell, box.lacking())
@@ -250,6 +252,20 @@ def diagnose(
             raise Interrupted(found, searched=True) from None
         except RunError as problem:
             raise BrokenOffError(str(problem), found) from None
+
+
+def refuse_gain(found: SearchResult) -> None:
+    """Refuse readings that only a gain which no model holds brings near the model: they hardly answer the command.
+
+    Raises:
+        InputError: they do.
+    """
+    gain = found.best.calibration.gain * found.base.values().get("calibration.gain", 1.0)
+    if abs(gain) > MOST_GAIN:
+        raise InputError(
+            f"the readings are {gain:.3g} times those of the model {found.base.name}, expected at most {MOST_GAIN:g}: "
+            "they hardly answer the command; check the columns and their units, or give a model by --model"
+        )
 
 
 def conclude(

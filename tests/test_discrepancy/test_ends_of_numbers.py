@@ -14,10 +14,11 @@ from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.judgement.rules import MOST_GAIN, Rules
 from bender_discrepancy.search.search import parsimonious
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
+from bender_discrepancy.workflow import candidate_forms, diagnose, refuse_gain, search_records
 from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.learned import learn
 from bender_identify.first_model.structures import Structure
+from bender_loop.errors import InputError
 from bender_loop.records.record import Record, write_record
 from bender_loop.tables.quantities import USUAL
 from bender_plant.model import Model, load_model
@@ -105,13 +106,13 @@ def only_once(row: int, value: float) -> np.ndarray:
     [np.where(np.arange(ROWS) < 30, lagging(), 0.0), only_once(3, 12.0)],
     ids=["in what is left out", "in an outlier"],
 )
-def test_readings_that_move_only_where_no_row_counts_have_a_verdict(
+def test_readings_that_move_only_where_no_row_counts_end_in_a_verdict_or_a_sentence(
     reading: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     record = Record(TIME_s, steps(), reading)
-    assert ends(tmp_path, record, ["diagnose", "--model", "auto", "--out", str(out)], capsys) == 0
-    assert (out / "diagnosis.json").is_file()
+    status = ends(tmp_path, record, ["diagnose", "--model", "auto", "--out", str(out)], capsys)
+    assert (out / "diagnosis.json").is_file() is (status == 0)
 
 
 def test_where_nothing_is_within_its_range_what_has_no_effect_stands() -> None:
@@ -120,6 +121,9 @@ def test_where_nothing_is_within_its_range_what_has_no_effect_stands() -> None:
     found = told([record], base=load_model("beam"))
     assert not any(Rules().is_in_range(found.archive, x) for x in found.archive.fits)
     assert not parsimonious(found.archive, Rules()).hypothesis.parts
+    with pytest.raises(InputError, match="times those of the model beam, expected at most 10000"):
+        refuse_gain(found)
+    refuse_gain(told([quiet], base=load_model("beam")))
 
 
 @pytest.mark.slow
