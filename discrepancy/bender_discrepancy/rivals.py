@@ -7,7 +7,7 @@ from bender_discrepancy.conclusion.findings import Findings
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_export.build import plant_fmu
-from bender_plant.model import Model
+from bender_plant.model import Model, ModelError
 from bender_report.wording import listed
 
 
@@ -54,15 +54,17 @@ def rival_models(findings: Findings) -> tuple[RivalModel, ...]:
     """Return what the device may be instead of the corrected model; none where the verdict is not open.
 
     Those are the effects that are reported as rivals, each with its own fit of the records. What belongs to a record is
-    left out of them as it is of the corrected model; two that are then the same count once.
+    left out of them as it is of the corrected model; two that are then the same count once, and one with a gain that no
+    model holds is none.
     """
-    known, found = [_device(findings, findings.search.best).blocks], []
+    best, found = _device(findings, findings.search.best), []
+    known = [] if best is None else [best.blocks]
     for x in findings.effects:
         contender = x.contender
         if contender is None or contender.rival_of is None:
             continue
         model = _device(findings, contender.fitted)
-        if model.blocks not in known:
+        if model is not None and model.blocks not in known:
             known.append(model.blocks)
             effects = _carried(findings, contender.fitted).hypothesis.effects
             found.append(RivalModel(len(found) + 1, effects, model, contender.probability))
@@ -73,10 +75,13 @@ def _carried(findings: Findings, fitted: Fitted) -> Fitted:
     return carried(fitted, with_record_effects=findings.search.settings.with_record_effects)
 
 
-def _device(findings: Findings, fitted: Fitted) -> Model:
+def _device(findings: Findings, fitted: Fitted) -> Model | None:
     kept, given = _carried(findings, fitted), findings.model
     step_um = findings.lattice.step_um if findings.lattice and findings.lattice.is_simulated else 0.0
-    model = corrected(findings.search.base, kept, step_um, findings.of_record)
+    try:
+        model = corrected(findings.search.base, kept, step_um, findings.of_record)
+    except ModelError:
+        return None
     if given.valid:
         model = straight_beyond(model, kept.hypothesis.effects, given.valid, findings.search.whole)
     said = f"a model with {listed(kept.hypothesis.effects) or 'no effect'}, which the records do not rule out"

@@ -10,7 +10,9 @@ from reported_diagnosis import FRAME_S, levels, record_of, told
 from scipy.signal import lfilter
 
 from bender_cli.main import main
+from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.rivals import rival_models
 from bender_discrepancy.search.judgement.rules import MOST_GAIN, Rules
 from bender_discrepancy.search.search import parsimonious
 from bender_discrepancy.settings import Settings
@@ -124,6 +126,15 @@ def test_where_nothing_is_within_its_range_what_has_no_effect_stands() -> None:
     with pytest.raises(InputError, match="times those of the model beam, expected at most 10000"):
         refuse_gain(found)
     refuse_gain(told([quiet], base=load_model("beam")))
+
+
+def test_a_rival_with_a_gain_that_no_model_holds_is_none() -> None:
+    quiet = record_of("beam", voltage_V=levels(8.0))
+    found = find(told([quiet], base=load_model("beam")))
+    calibration = replace(found.search.best.calibration, gain=2.0 * MOST_GAIN)
+    best = replace(found.search.best, calibration=calibration)
+    search = replace(found.search, found=replace(found.search.found, best=best))
+    assert rival_models(replace(found, search=search)) == ()
 
 
 @pytest.mark.slow
