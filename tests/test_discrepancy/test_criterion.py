@@ -317,7 +317,7 @@ def test_a_deviate_is_that_of_the_t_test(seed: int, count: int, shift: float) ->
 
 def test_a_case_is_kept_within_what_its_parts_can_tell() -> None:
     assert Case.of(-3.0, 0.0, 0.0, -1.0) == Case(0.0, 0.0, 0.0)
-    assert Case.of(0.5, 2.0, 1.5, 0.25) == Case(0.5, pytest.approx(math.log(4.0 / 3.0)), 0.25)
+    assert Case.of(0.5, 2.0, 1.5, 0.25).parts == pytest.approx((1.0, 0.5, math.log(4.0 / 3.0), 0.25))
     assert Case.of(99.0, 1e9, 0.0, 7.0) == Case(8.0, 4.0, 1.0)
     assert Case.of(1.0, 1.0, 2.0, 1.0).log_ratio == 0.0
 
