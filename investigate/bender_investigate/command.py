@@ -1,6 +1,7 @@
 """`bender investigate`: the bench excites, diagnoses, plays the next experiment, retunes and proves it by itself."""
 
 import argparse
+import shutil
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -68,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_hil.command import watched
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
+    from bender_hil.log.read_run import RUN
     from bender_investigate.investigation import Investigation
     from bender_investigate.real_bench import RealBench
     from bender_investigate.settings import InvestigationSettings
@@ -85,6 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     model = read_model(arguments.model)
     given = tuple(read_record(path) for path in arguments.record or ())
     old = _gains(arguments, bench)
+    is_new = not out.exists()
     prepare_directory(out)
     arguments.out = out
     go_on = f"go on with the same options and --resume --out {out}"
@@ -92,6 +95,11 @@ def run(arguments: argparse.Namespace) -> int:
         with watched(arguments) as page:
             port = RealBench(bench, lambda name: ready_plant_fmu(name), page)
             outcome = Investigation(port, model, old, out, settings, _say, given).run()
+    except InputError:
+        # of a bench that could not be opened nothing has been played
+        if is_new and not any(out.rglob(RUN)):
+            shutil.rmtree(out)
+        raise
     except KeyboardInterrupt:
         sys.stderr.write(f"bender: interrupted, the output is off; {go_on}\n")
         return INTERRUPTED

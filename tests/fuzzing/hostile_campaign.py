@@ -129,6 +129,9 @@ class _Running:
         sentences = [
             line for line in said.splitlines() if line and not _PROGRESS.fullmatch(line) and line != NATIVE_CODE
         ]
+        if status == 1:
+            # what was said before a bench failed is no second sentence on the failure
+            sentences = [line for line in sentences if not line.startswith("note: ")]
         if self.seconds == 0.0:
             tally.hangs.append(f"{about}: no end; it said last: {said.strip().rpartition(chr(10))[2][-100:]}")
         elif status not in _STATUSES | ({ALARMED} if self.words[0] == "watch" else set()) or any(

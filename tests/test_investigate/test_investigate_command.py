@@ -45,6 +45,16 @@ def test_a_sensor_without_a_length_is_refused_before_anything_is_written(tmp_pat
     assert [x.name for x in tmp_path.iterdir()] == ["bench.toml"]
 
 
+def test_an_address_that_is_none_leaves_nothing(tmp_path, capsys):
+    pytest.importorskip("pyvisa_py")
+    sensor = '[sensor]\nkind = "text"\nresource = "yyyy"\nunit = "um"\n'
+    supply = '[supply]\nresource = "xxxx"\nmodel = "9115"\n'
+    (tmp_path / "bench.toml").write_text(supply + sensor)
+    assert main(["investigate", "--bench", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert "is not a VISA address" in capsys.readouterr().err
+    assert [x.name for x in tmp_path.iterdir()] == ["bench.toml"]
+
+
 def test_an_earlier_investigation_is_not_written_over(tmp_path, capsys):
     (tmp_path / JOURNAL).write_text("")
     assert main(["investigate", "--out", str(tmp_path)]) == 2

@@ -223,6 +223,12 @@ def answering(rng: np.random.Generator, rows: int, lag_rows: float, noise: float
     return Record(np.linspace(0.0, 0.1 * rows, rows), command, read)
 
 
+def test_no_zero_moves_where_squares_of_readings_are_no_numbers() -> None:
+    record = answering(np.random.default_rng(1), 400, 2.0, 0.05)
+    read_um = np.where(np.arange(400) == 200, 1e308, record.displacement_um)
+    assert zero_move(Record(record.time_s, record.voltage_V, read_um)) is None
+
+
 @given(
     st.integers(0, 10**6), st.integers(400, 900), st.floats(0.5, 8.0), st.floats(0.3, 0.7), st.floats(8.0, 1e4),
     st.sampled_from((-1.0, 1.0)),

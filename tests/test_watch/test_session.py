@@ -5,6 +5,7 @@ import itertools
 import json
 import os
 import tempfile
+import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 
 from bender_cli.main import main
 from bender_export.build import ensure_plant_fmu
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import read_record
 from bender_plant.model import load_model
 from bender_watch.baseline.expectation import OfFmu
@@ -113,6 +114,17 @@ def test_an_fmu_leaves_no_files_whether_it_was_driven_or_not(
     with contextlib.nullcontext() if rows > 200 else pytest.raises(InputError, match="found 40 rows"):
         session.run()
     assert list(temporary.iterdir()) == []
+
+
+def test_an_fmu_that_breaks_down_does_not_take_the_watch_along(tmp_path: Path) -> None:
+    """Without the entry that names its module, the native part of a PythonFMU is a null pointer."""
+    broken = tmp_path / "broken.fmu"
+    with zipfile.ZipFile(ensure_plant_fmu("paper")) as whole, zipfile.ZipFile(broken, "w") as archive:
+        for name in whole.namelist():
+            if name != "resources/slavemodule.txt":
+                archive.writestr(name, whole.read(name))
+    with pytest.raises(RunError, match="the process that ran the FMU broke off"):
+        OfFmu(broken)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes and devices of POSIX")

@@ -5,6 +5,7 @@ everything reads so much more, whatever is commanded. No model of the device has
 nothing else any more. It is taken from the readings, and said.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +54,9 @@ def zero_move(record: Record) -> ZeroMove | None:
     """Return where the zero of a sensor moved; None where it did not, or where the command may be the cause."""
     rows = np.flatnonzero(np.isfinite(record.displacement_um))
     read_um = record.displacement_um[rows]
-    if rows.size < 2 * FEWEST_ROWS:
+    largest_um = float(np.max(np.abs(read_um), initial=0.0))
+    # readings whose squares are no numbers any more are refused by whoever fits them
+    if rows.size < 2 * FEWEST_ROWS or not math.isfinite(rows.size * largest_um * largest_um):
         return None
     columns = _answers_to_commands(record.voltage_V, rows)
     # a jump is one of many changes, so that these tell what the commands do

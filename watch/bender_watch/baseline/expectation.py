@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from bender_compiled.simulation import own_bounds
 from bender_compiled.stream import Stream
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_plant.model import Model
 from bender_watch.baseline.candidates import COARSER
 
 Array = NDArray[np.float64]
+_Row = tuple[float, float, float]
+"""Time, command and reading."""
 
 
 class Expectation(Protocol):
@@ -145,12 +148,16 @@ def _decade(step_s: float) -> int:
 
 @dataclass(slots=True)
 class OfFmu:
-    """Any FMU; its signatures are what a delay, a curve and a bend of its reading would add.
+    """Any FMU, in a process of its own; its signatures are what a delay, a curve and a bend of its reading would add.
 
     Attributes:
         path: of the FMU.
         input_name, output_name: variables; None for the only ones.
         parameters: start values by name.
+
+    Raises:
+        InputError: the FMU will not do.
+        RunError: it fails to start or to step, crashes or hangs.
     """
 
     path: Path
@@ -158,13 +165,12 @@ class OfFmu:
     output_name: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     resumable: bool = field(default=False, init=False)
-    _plant: FmuPlant = field(init=False)
-    _last: tuple[float, float, float] | None = field(default=None, init=False)
+    _plant: WatchedPlant = field(init=False)
+    _last: _Row | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        self._plant = FmuPlant(
-            self.path, input_name=self.input_name, output_name=self.output_name, parameters=self.parameters
-        )
+        plant = WatchedPlant(self.path, input_name=self.input_name, output_name=self.output_name)
+        self._plant = plant.with_parameters(self.parameters)
 
     def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
         """Begin a record."""
@@ -172,23 +178,14 @@ class OfFmu:
         self._plant.reset()
         self._last = None
         if not rest:
-            for _ in range(100):
-                self._plant.step(voltage_V, 0.1)
+            self._plant.run_there(_stand, (voltage_V,), {})
 
     def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
         """Return the expected readings (n,) and the signatures (n, 3): rate, square and cube of the reading."""
         del command_time_s
-        expected, rate = np.empty(time_s.size), np.zeros(time_s.size)
-        for k in range(time_s.size):
-            if self._last is None:
-                reading = self._plant.read()
-            else:
-                before_s, held_V, before_um = self._last
-                step_s = float(time_s[k]) - before_s
-                reading = self._plant.step(held_V, step_s)
-                rate[k] = -(reading - before_um) / step_s
-            expected[k] = reading
-            self._last = (float(time_s[k]), float(voltage_V[k]), reading)
+        expected, rate = self._plant.run_there(_driven, (self._last, time_s, voltage_V), {})
+        if time_s.size:
+            self._last = (float(time_s[-1]), float(voltage_V[-1]), float(expected[-1]))
         return expected, np.column_stack([rate, expected**2, expected**3])
 
     def state(self) -> Any:
@@ -201,3 +198,25 @@ class OfFmu:
     def close(self) -> None:
         """Free the FMU and remove its unpacked files; nothing is expected after that."""
         self._plant.close()
+
+
+def _stand(plant: FmuPlant, voltage_V: float) -> None:
+    """Let an FMU stand at a voltage for long."""
+    for _ in range(100):
+        plant.step(voltage_V, 0.1)
+
+
+def _driven(plant: FmuPlant, last: _Row | None, time_s: Array, voltage_V: Array) -> tuple[Array, Array]:
+    """Drive an FMU from the row before, and return its readings and what they lose a second, (n,) each."""
+    expected, rate = np.empty(time_s.size), np.zeros(time_s.size)
+    for k in range(time_s.size):
+        if last is None:
+            reading = plant.read()
+        else:
+            before_s, held_V, before_um = last
+            step_s = float(time_s[k]) - before_s
+            reading = plant.step(held_V, step_s)
+            rate[k] = -(reading - before_um) / step_s
+        expected[k] = reading
+        last = (float(time_s[k]), float(voltage_V[k]), reading)
+    return expected, rate
