@@ -61,10 +61,12 @@ def test_metres_taken_for_micrometres(tmp_path: Path, capsys: pytest.CaptureFixt
     )
 
 
-def test_readings_whose_squares_vanish_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("command", ["compare", "identify", "diagnose"])
+def test_readings_whose_squares_vanish_are_in_another_unit(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = record(tmp_path / "small.csv", lambda k, r: (r[0], r[1], 5e-324 * (k % 2)))
-    assert main(["compare", str(path), "--out", str(tmp_path / "out.toml")]) == 0
-    assert "rms_um" in capsys.readouterr().out
+    refused(capsys, [command, path, "--out", tmp_path / "out.toml"], "name the unit of the column", tmp_path)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes with a name are of POSIX")
