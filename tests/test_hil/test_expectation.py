@@ -229,6 +229,7 @@ def test_a_limit_that_the_file_sets_stays_and_is_held_against_what_is_seen(tmp_p
     assert (guard.frame_age_s, guard.heartbeat_s) == (0.12, pytest.approx(0.14))
     with pytest.raises(UnsteadyError, match=r"121 ms old, guard.frame_age_s allows 120 ms"):
         steadied(bench, replace(CALM, largest_age_s=0.121))
+    assert steadied(bench, replace(CALM, largest_age_s=0.12)).guard.frame_age_s == 0.12
     assert emulated_bench().follows_sensor == OF_SENSOR
     # settings that were made in Python are meant as they are
     assert BenchFile().follows_sensor == ()
@@ -355,6 +356,10 @@ def test_the_line_of_a_run_judges_by_it(tmp_path: Path):
     line = write_results(tmp_path, stuck, None, PLANNED).line
     assert line == _line(stuck)
     assert line.startswith("not as planned")
+    # of a run that is too short, or whose log does not say how it answers, nothing is said
+    short = replace(stuck, ticks=stuck.ticks[:3])
+    unknown = replace(stuck, start=stuck.start | {"bench": {"guard": BENCH["guard"]}})
+    assert unexpected_behaviour(short) == unexpected_behaviour(unknown) == []
 
 
 @given(

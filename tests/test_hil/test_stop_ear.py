@@ -38,6 +38,12 @@ def _pressed(ear: StopEar, token: str) -> tuple[bool, bool]:
     return heard, answered[0]
 
 
+def test_a_token_is_as_long_as_a_secret_has_to_be():
+    StopEar(TOKEN[:16]).close()
+    with pytest.raises(ValueError, match="at least 16 signs, found 15"):
+        StopEar(TOKEN[:15])
+
+
 def test_the_token_is_heard_and_answered():
     with StopEar(TOKEN) as ear:
         assert not ear.heard()
