@@ -453,13 +453,13 @@ def test_what_keeps_a_leader_from_being_certain_is_its_reason() -> None:
     rival = hypothesis(PAPER, [record], ("sensor_lag", (0.06,)))
     search = told([record], hypothesis(PAPER, [record], LAG), [rival])
     (model,) = search.grades.effects
-    sine = decide(search.found, replace(search.grades, one_sine=True), RULES)
+    sine = decide(search.found, replace(search.grades, one_sine=True), Rules())
     assert (sine.word, sine.complete) == ("ambiguous", search.grades.complete)
     assert "one frequency at one amplitude" in sine.reason
     likely = replace(model, grade="likely", probability=0.7, rivals=(replace(model.rivals[0], reach="as large"),))
-    verdict = decide(search.found, replace(search.grades, effects=(likely,), complete=False), RULES)
+    verdict = decide(search.found, replace(search.grades, effects=(likely,), complete=False), Rules())
     assert verdict.word == "likely"
     assert verdict.reason.endswith(f"{model.rivals[0].id} is not excluded")
     alone = replace(search.grades, effects=(replace(likely, rivals=()),))
-    reasons = [decide(search.found, replace(alone, complete=x), RULES).reason for x in (False, True)]
+    reasons = [decide(search.found, replace(alone, complete=x), Rules()).reason for x in (False, True)]
     assert ["stays unexplained" in x for x in reasons] == [True, False]
