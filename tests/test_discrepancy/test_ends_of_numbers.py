@@ -106,7 +106,7 @@ def only_once(row: int, value: float) -> np.ndarray:
 @pytest.mark.parametrize(
     "reading",
     [np.where(np.arange(ROWS) < 30, lagging(), 0.0), only_once(3, 12.0)],
-    ids=["in what is left out", "in an outlier"],
+    ids=["in rows before the first that counts", "in an outlier"],
 )
 def test_readings_that_move_only_where_no_row_counts_end_in_a_verdict_or_a_sentence(
     reading: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -18,17 +18,7 @@ from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
 from bender_loop.records.end_of_range import ends_of_range
 from bender_report.number import Number
-from bender_report.wording import (
-    HALF_WIDTH,
-    WHOSE_DELAY,
-    fields,
-    figure,
-    input_word,
-    listed,
-    percent,
-    quantity,
-    with_interval,
-)
+from bender_report.wording import WHOSE_DELAY, fields, figure, input_word, listed, percent, quantity, with_interval
 
 ALIASES_TOLD = 3
 UNWRITTEN = "no corrected model was written"
@@ -200,8 +190,8 @@ def _undetermined(effect: ReportedEffect) -> list[str]:
         return []
     open_ = ", ".join(names)
     return [
-        f"{title_of(effect.id)}: these records determine the response, not each of these numbers: {open_}. The "
-        "corrected model is good for commands like the recorded ones, and a guess for levels, rates or holds that the "
+        f"{title_of(effect.id)}: these records determine the response, not each of these numbers: {open_}. A "
+        "model with it is good for commands like the recorded ones, and a guess for levels, rates or holds that the "
         "records do not have"
     ]
 
@@ -450,10 +440,9 @@ def not_written(findings: Findings, measured: Measured) -> list[str]:
             f"{better} {quantity(left_um, 'um')}"
         ]
     if findings.simulated and measured.is_unproved:
-        share, width = 100.0 * max(measured.closed[0], 0.0), 100.0 * HALF_WIDTH * measured.closed[1]
         return [
-            "no model was written: held-out readings do not show that it would be better; it closes "
-            f"{share:.0f} ± {width:.0f} % of the gap there"
+            "no model was written: held-out readings do not show that it would be better; the interval of what it "
+            "closes of the gap there holds 0"
         ]
     return []
 
