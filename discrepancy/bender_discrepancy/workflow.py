@@ -296,6 +296,7 @@ def conclude(
             found = found.without_effects(refuted)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, names, tell, box, driver)
+    found = findings.search
     is_certain = any(x.grade == "certain" for x in found.grades.effects)
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
         share, width = 100.0 * gap.closed[0], 100.0 * HALF_WIDTH * gap.closed[1]

@@ -347,6 +347,13 @@ def test_what_adds_no_more_than_the_last_percent_of_the_gap_is_not_certain(sine_
     assert found == {"source_resistance": "certain", "periodic_disturbance": word}
 
 
+@pytest.mark.parametrize(("threshold_V", "word"), [(1.0, "likely"), (6.0, "certain")])
+def test_what_closes_no_more_than_another_form_may_leave_is_not_certain(threshold_V: float, word: str) -> None:
+    zone = {"threshold_V": threshold_V}
+    found = grades_of({**LAGGING, "dead_zone": zone}, 0.001, LAG, ("dead_zone", (threshold_V,)))
+    assert found == {"source_resistance": "certain", "dead_zone": word}
+
+
 @pytest.mark.parametrize(("time_constant_s", "word"), [(2000.0, "likely"), (30.0, "certain")])
 def test_an_effect_of_which_no_number_is_told_is_not_certain(time_constant_s: float, word: str) -> None:
     """A leak that hardly begins within the record is a slope: part and time constant make up for each other."""

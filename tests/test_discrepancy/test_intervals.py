@@ -1,6 +1,7 @@
 """Deviations and 95 % intervals of fitted numbers, held to a scan of the misfit, to draws and to the truth."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +12,10 @@ from scipy.optimize import brentq, fminbound
 from scipy.stats import t as student_t
 
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.effects.form import Free
+from bender_discrepancy.effects.form import Free, growth, scale
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import judge
-from bender_discrepancy.fitting.profile import Ends, Z, interval_ends
+from bender_discrepancy.fitting.profile import Ends, Z, interval_ends, may_vanish
 from bender_discrepancy.fitting.uncertainty import sandwich, uncertainty
 from bender_discrepancy.search.result import SearchResult
 from bender_plant.model import load_model
@@ -100,6 +101,60 @@ def test_nothing_found_has_no_intervals() -> None:
     search = told([record_of("beam", voltage_V=levels(10.0))], base=BEAM)
     assert search.best.hypothesis == Hypothesis()
     assert ends_of(search) == []
+
+
+@pytest.mark.parametrize(
+    ("free", "value", "ends", "vanishes"),
+    [
+        (growth("gain", 0.1, 1.0), 0.6, (0.0, 1.0), True),
+        (growth("gain", 0.1, 1.0), 0.6, (0.1, 1.0), False),
+        (replace(growth("size", 0.1, 1.0), low=-1.0), -0.6, (-1.0, 0.1), True),
+        (replace(growth("size", 0.1, 1.0), low=-1.0), -0.6, (-1.0, -0.1), False),
+        # a linear interval around 1 reaches 0 where that of its logarithm reaches 1/e
+        (scale("time_constant_s", 0.01, 10.0, 3, 0.0), 1.0, (0.36, 2.7), True),
+        (scale("time_constant_s", 0.01, 10.0, 3, 0.0), 1.0, (0.38, 2.7), False),
+        (scale("slew_rate_V_per_s", 0.01, 10.0, 3, np.inf), 1.0, (0.36, 2.7), False),
+        (scale("slew_rate_V_per_s", 0.01, 10.0, 3, np.inf), 1.0, (0.38, 2.8), True),
+        (replace(scale("ratio", 0.5, 2.0, 3), vanishes_at=1.0), 1.1, (0.95, 1.3), True),
+        (replace(scale("ratio", 0.5, 2.0, 3), vanishes_at=1.0), 1.1, (1.05, 1.3), False),
+    ],
+)
+def test_an_interval_holds_a_size_of_none(free: Free, value: float, ends: tuple[float, float], vanishes: bool) -> None:
+    assert free.is_size
+    assert free.may_vanish(value, *ends) == vanishes
+
+
+def test_an_effect_may_vanish_where_its_one_size_may() -> None:
+    hidden = {"creep": {"gains": (0.05,), "time_constants_s": (1.0,)}}
+    record = record_of("beam", hidden)
+    one = told([record], hypothesis(BEAM, [record], ("1 relaxation", (0.05, 1.0))), base=BEAM)
+    two = told([record], hypothesis(BEAM, [record], ("2 relaxations", (0.03, 0.02, 0.9, 1.1))), base=BEAM)
+    (gain, *rest), all_of_two = ends_of(one), ends_of(two)
+    assert gain is not None
+    assert may_vanish(one.best, [gain, *rest]) == ()
+    assert may_vanish(one.best, [replace(gain, low=0.0), *rest]) == (0,)
+    assert may_vanish(one.best, [None, *rest]) == (0,)
+    assert may_vanish(two.best, [None, None, *all_of_two[2:]]) == ()
+
+
+def test_nothing_is_certain_of_an_effect_whose_size_may_be_none() -> None:
+    search = drifting(109, tau_s=5.0)
+    sure = tuple(replace(x, grade="certain") for x in search.grades.effects)
+    search = replace(search, grades=replace(search.grades, effects=sure))
+    assert search.with_sizes(()) is search
+    found = search.with_sizes([0])
+    assert [x.grade for x in found.grades.effects] == ["likely"]
+    assert found.verdict.word != "named"
+    assert "size of thermal_drift" in found.verdict.reason
+
+
+@pytest.mark.parametrize(("tau_s", "grade"), [(5.0, "certain"), (400.0, "likely")])
+def test_what_is_told_of_an_effect_is_told_by_its_intervals(tau_s: float, grade: str) -> None:
+    """Within 20 s the slope of a drift of 400 s is seen, but not how far it goes."""
+    search = drifting(101, tau_s)
+    sure = tuple(replace(x, grade="certain") for x in search.grades.effects)
+    found = find(replace(search, grades=replace(search.grades, effects=sure)))
+    assert [x.grade for x in found.search.grades.effects] == [grade]
 
 
 @given(st.floats(-2000.0, 2000.0))

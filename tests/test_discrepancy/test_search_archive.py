@@ -371,6 +371,14 @@ def test_the_last_percent_is_one_of_the_size_of_the_gap(without_um: float, left_
     assert RULES.is_of_last_percent(CLOSING.archive, base, without, fitted) is is_last
 
 
+@pytest.mark.parametrize(("without_um", "left_um", "hardly"), [(1.0, 0.1, True), (1.1, 0.1, False), (3.0, 2.9, True)])
+def test_what_closes_the_last_percent_of_the_gap_alone_closes_hardly_any(
+    without_um: float, left_um: float, hardly: bool
+) -> None:
+    base, without, fitted = leaving(10.0, without_um, left_um)
+    assert RULES.closes_hardly(CLOSING.archive, base, without, fitted) is hardly
+
+
 def test_what_belongs_to_the_record_must_remove_most_of_the_rest(search: SearchResult) -> None:
     """A drift of a tenth of the gap is no effect of the device, and does not stand beside one."""
     record = record_of(effects=LAGGING, voltage_V=levels(20.0))

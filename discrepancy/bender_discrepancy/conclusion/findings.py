@@ -17,7 +17,7 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import own_numbers
-from bender_discrepancy.fitting.profile import Ends, interval_ends
+from bender_discrepancy.fitting.profile import Ends, interval_ends, may_vanish
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.records.observations import have_same_zero
@@ -232,6 +232,7 @@ def find(search: SearchResult) -> Findings:
 
     problem, open_ = determined(search.best)
     ends = interval_ends(problem, search.best, open_)
+    search = search.with_sizes(may_vanish(search.best, ends))
     shares = shares_of_gap(search.archive, search.found.base, search.best)
     effects = [
         _named(search, x, determined(x.fitted)[1], ends if x.fitted is search.best else (), span, record)

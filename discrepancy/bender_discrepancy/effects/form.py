@@ -64,6 +64,28 @@ class Free:
         """Return whether a value is at an end of the range, beyond which nothing was sought."""
         return any(self._at_ends(value))
 
+    @property
+    def is_size(self) -> bool:
+        """Whether the number says how much of the effect there is."""
+        return self.solved or self.vanishes_at is not None
+
+    def may_vanish(self, value: float, low: float, high: float) -> bool:
+        """Return whether an interval of a size holds none of the effect at all.
+
+        A logarithm never reaches none: there the interval of the size itself does, whose parabola has the same end.
+
+        Args:
+            value: the size.
+            low: end of its interval.
+            high: end of its interval.
+        """
+        nothing = 0.0 if self.vanishes_at is None else self.vanishes_at
+        if self.log and nothing <= self.low:
+            return low * math.e <= value
+        if self.log and nothing >= self.high:
+            return high >= value * math.e
+        return low <= nothing <= high
+
     def _at_ends(self, value: float) -> tuple[bool, bool]:
         at_low = value <= self.low * AT_END if self.low > 0.0 else value * AT_END <= self.low < 0.0
         return at_low, value * AT_END >= self.high

@@ -11,6 +11,7 @@ z deviations away. It is taken for one where it rises there by what the ends of 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,6 +79,25 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
         return _Profile.of(problem, fitted, open_.coordinates, k).ends(plain)
 
     return parallel_map(ends, list(range(len(free))))
+
+
+def may_vanish(fitted: Fitted, ends: Sequence[Ends | None]) -> tuple[int, ...]:
+    """Return the effects of a hypothesis, by their index, whose one size may as well be none at all.
+
+    Of several sizes of one effect each may be, and their sum not. What another channel shows stands.
+
+    Args:
+        fitted: the hypothesis.
+        ends: of the 95 % intervals of its free numbers.
+    """
+    found, first = [], 0
+    for k, part in enumerate(fitted.hypothesis.parts):
+        own = zip(part.form.free, part.values, ends[first : first + len(part.values)], strict=True)
+        sizes = [x is None or free.may_vanish(value, x.low, x.high) for free, value, x in own if free.is_size]
+        first += len(part.values)
+        if sizes == [True] and not part.form.shown:
+            found.append(k)
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

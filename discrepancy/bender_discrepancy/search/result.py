@@ -1,6 +1,6 @@
 """What a search and its verdict leave: the state from which everything that is told is made."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Grades, contradicted, grade
+from bender_discrepancy.search.judgement.grades import Grades, contradicted, grade, vanishing
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.search.search import Searched
@@ -103,6 +103,15 @@ class SearchResult:
         word = "likely" if self.verdict.word == "named" else self.verdict.word
         verdict = Verdict(word, reason, complete=False)
         return replace(self, grades=replace(self.grades, effects=effects), verdict=verdict)
+
+    def with_sizes(self, may_vanish: Collection[int]) -> "SearchResult":
+        """Return the result where the 95 % intervals of the sizes of some effects, by their index, hold none at all."""
+        if not any(x.grade == "certain" for x in self.grades.effects if x.index in may_vanish):
+            return self
+        effects = tuple(vanishing(x) if x.index in may_vanish else x for x in self.grades.effects)
+        grades = replace(self.grades, effects=effects)
+        verdict = replace(decide(self.found, grades, self.rules), complete=self.verdict.complete)
+        return replace(self, grades=grades, verdict=verdict)
 
     def without_effects(self, reason: str) -> "SearchResult":
         """Return the result as if nothing had been found, and why."""

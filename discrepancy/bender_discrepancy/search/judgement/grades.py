@@ -73,6 +73,7 @@ class Graded:
         difference: of the information criterion, by which that is worse.
         case: against it.
         rivals: what was fitted in its place, best first.
+        may_vanish: the 95 % interval of its size holds none of it at all.
     """
 
     index: int
@@ -83,6 +84,7 @@ class Graded:
     difference: float
     case: Case
     rivals: tuple[Rival, ...] = ()
+    may_vanish: bool = False
 
     @property
     def open_rivals(self) -> tuple[Rival, ...]:
@@ -215,7 +217,9 @@ def _graded(
     likely = probability(case)
     alone = len(best.hypothesis.parts) == 1
     is_needed = alone or rules.is_material(archive, base, without, best)
-    is_needed = is_needed and not rules.is_of_last_percent(archive, base, without, best)
+    # what knows the time alone can hardly follow what another form leaves of the answer to a command
+    within = rules.is_of_last_percent if EFFECTS[effect].of_the_record else rules.closes_hardly
+    is_needed = is_needed and not within(archive, base, without, best)
     is_shown = archive.difference(best, without).deviations > rules.certain_deviations
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
@@ -388,6 +392,11 @@ def contradicted(graded: Graded, closed: float) -> Graded:
     likely = min(graded.probability, probability(case))
     word: Grade = "likely" if likely >= RULES.likely else "possible"
     return replace(graded, grade=word, probability=likely, case=case)
+
+
+def vanishing(graded: Graded) -> Graded:
+    """Return an effect of which the 95 % interval of its size holds none: it is not certain."""
+    return replace(_at_most_likely(graded), may_vanish=True)
 
 
 def _at_most_likely(graded: Graded) -> Graded:
