@@ -15,9 +15,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from bench_trials import stand_in
 from bench_trials.fault_matrix import (
+    FAULTS,
     LIMITS,
     SETTINGS,
     SLOW,
@@ -45,6 +47,8 @@ FILES: dict[str, Callable[[Path], object]] = {
     "guard killed, folder a file": lambda folder: (shutil.rmtree(folder), folder.write_text("")),
 }
 NO_ROOM = ("disk full", "guard killed on a full disk")
+NO_MEMORY = ("no memory left", "guard killed, no memory left")
+"""The controller gets no more than it has."""
 SPARES = ("guard and 1 spare killed", "guard and 2 spares killed", "guard and 1 spare stopped")
 BOTH = {
     "guard and controller killed at once": 0.0,
@@ -54,6 +58,15 @@ BOTH = {
 }
 """Which process is killed first, and after how many seconds the other one; the watchman is left."""
 STOPPED = "controller killed, guard stopped"
+
+STREAMS: dict[str, Callable[[], object]] = {
+    "standard output closed": lambda: os.close(1),
+    "standard output stuck": lambda: _stuck_output(),
+    "standard output read by nobody": lambda: _unread_output(),
+}
+"""How the standard output is when a run begins."""
+STUCK = "output stuck on"
+"""A fault of the supply, which comes to a run whose standard output is lost."""
 
 _GUARD = b"bender_hil.guard\0"
 _START_S = 20.0
@@ -69,7 +82,12 @@ def process_faults() -> list[tuple[str, str]]:
     found += [(f"controller {what}", "holding") for what in MISBEHAVIOUR]
     found += list(itertools.product((*FILES, *SPARES, NO_ROOM[1]), ("rising", "holding", "descending")))
     found += list(itertools.product((*BOTH, STOPPED), ("rising", "holding", "descending")))
-    return [*found, (NO_ROOM[0], "holding")]
+    found += list(itertools.product(NO_MEMORY, STATES))
+    return [
+        *found,
+        (NO_ROOM[0], "holding"),
+        *itertools.product((*STREAMS, *(f"{x}, {STUCK}" for x in STREAMS)), ("holding",)),
+    ]
 
 
 def run_process_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell:
@@ -104,7 +122,10 @@ class _Trial:
             # so that it takes long enough to be disturbed
             self._supply.fault("delay_s", 0.02)
         self._run = WholeRun(
-            self._words(bench, place), place, process_group=0, preexec_fn=_no_room if fault in NO_ROOM else None
+            self._words(bench, place),
+            place,
+            process_group=0,
+            preexec_fn=_no_room if fault in NO_ROOM else STREAMS.get(fault.removesuffix(f", {STUCK}")),
         )
         self._family: set[int] = set()
 
@@ -116,6 +137,9 @@ class _Trial:
         guard = _guard_at_work(controller)
         fault_s = time.perf_counter()
         _do(self._fault, controller, guard, self._folder)
+        if self._fault.endswith(STUCK):
+            for name, value in FAULTS[STUCK]:
+                self._supply.fault(name, value)
         off_s = self._run.watch(self._supply, self._is_over, WITHIN_S + 1.0)
         if self._fault == NO_ROOM[0]:
             # it is full some time after that
@@ -184,6 +208,10 @@ def _do(fault: str, controller: int, guard: int, run: Path) -> None:
     elif fault in FILES or fault == NO_ROOM[1]:
         FILES.get(fault, Path.exists)(run)
         os.kill(guard, signal.SIGKILL)
+    elif fault in NO_MEMORY:
+        _take_memory(controller)
+        if fault != NO_MEMORY[0]:
+            os.kill(guard, signal.SIGKILL)
     elif fault in SPARES:
         number = signal.SIGSTOP if fault.endswith("stopped") else signal.SIGKILL
         os.kill(guard, number)
@@ -254,6 +282,35 @@ def _process_state(pid: int) -> str:
     with contextlib.suppress(OSError, IndexError):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     return ""
+
+
+def _take_memory(pid: int) -> None:
+    """Leave a process what it has, and nothing more."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    used = 1024 * int(next(x for x in status.splitlines() if x.startswith("VmSize")).split()[1])
+    resource.prlimit(pid, resource.RLIMIT_AS, (used, used))
+
+
+def _stuck_output() -> None:
+    """Let the standard output be a pipe that is full, and that nobody reads."""
+    with TemporaryDirectory() as folder:
+        pipe = Path(folder) / "pipe"
+        os.mkfifo(pipe)
+        # one descriptor is both ends: it stays open as long as the process
+        both = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(both, bytes(4096))
+    os.set_blocking(both, True)
+    os.dup2(both, 1)
+
+
+def _unread_output() -> None:
+    """Let nobody be left who reads the standard output."""
+    reader, writer = os.pipe()
+    os.dup2(writer, 1)
+    os.close(reader)
+    os.close(writer)
 
 
 def _no_room() -> None:

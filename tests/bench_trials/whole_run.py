@@ -24,7 +24,7 @@ from bender_studies.bench_trials.as_hardware import HARMLESS_V
 _REACHED_S, _LONGEST_S = 120.0, 40.0
 """Patient with a machine that does other things: starting a run is not what is tried."""
 _OFF = "output off"
-_LOST = (None, 0, 1, 2, 3, 130)
+_LOST = (None, 0, 1, 2, 3, 130, 141)
 """Exit statuses that a run may have; None for one that a signal ended, or that had to be ended."""
 _DISCHARGE_S = 1.5
 _UNHURRIED_S = 30.0

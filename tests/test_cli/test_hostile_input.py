@@ -209,6 +209,16 @@ def test_a_file_name_that_is_no_text_is_a_name(tmp_path: Path) -> None:
     assert _child(["fmu", "check", b"no\xff.fmu"], tmp_path).returncode == 2
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are no text need a file system that takes them")
+def test_a_file_name_that_is_no_text_is_drawn(tmp_path: Path) -> None:
+    name = os.fsencode(tmp_path) + b"/r\xff.csv"
+    os.rename(record(tmp_path / "r.csv", 400), name)
+    done = _child(["identify", name, "--out", "model.toml"], tmp_path)
+    assert (done.returncode, b"fault" in done.stderr) == (0, False)
+    assert (tmp_path / "model-loops.png").stat().st_size > 1000
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows keeps a working folder")
 def test_a_working_folder_that_was_removed_is_said(tmp_path: Path) -> None:
     code = "import os, sys; os.rmdir(os.getcwd()); from bender_cli.start import entry; entry()"

@@ -22,6 +22,7 @@ from few import few, few_rows
 
 from bender_cli import main as cli
 from bender_cli.main import COMMANDS, command_parser, main
+from bender_export.build import ensure_plant_fmu
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.readable import in_ascii, make_readable
 from bender_loop.shell.run import Run, current, note_input, provenance, provenance_line, running
@@ -164,6 +165,17 @@ def test_nothing_is_imported_from_the_working_folder(tmp_path: Path, name: str):
     (tmp_path / f"{name}.py").write_text("raise SystemExit(5)")
     done = _bender("--version", folder=tmp_path, stdout=subprocess.DEVNULL)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_process_with_an_fmu_imports_nothing_from_the_working_folder(tmp_path: Path):
+    for name in ("random", "pickle", "selectors", "tempfile", "secrets", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(5)")
+    rows = "".join(f"{k / 30:.4f},{10 * (k // 30 % 3)},{1.5 * (k // 30 % 3) + 0.01 * (k % 2)}\n" for k in range(90))
+    (tmp_path / "record.csv").write_text(f"time_s,voltage_V,displacement_um\n{rows}")
+    fmu = str(ensure_plant_fmu("bench"))
+    done = _bender("compare", "record.csv", "--fmu", fmu, "--json", "--quiet", folder=tmp_path, stdout=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["rows"] == 90
 
 
 @pytest.mark.skipif(os.name == "nt", reason="descriptors of POSIX")

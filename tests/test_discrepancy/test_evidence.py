@@ -19,7 +19,9 @@ from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import predicted_errors
 from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import observe, turns_plays
@@ -109,20 +111,23 @@ def test_a_good_model_is_kept_and_a_worse_one_is_not_written(tmp_path: Path) -> 
 
 def test_what_held_out_readings_do_not_show_to_close_any_of_the_gap_is_not_written(tmp_path: Path) -> None:
     record = record_of(effects=LAGGING, voltage_V=levels(4.0))
+    own = own_form(PAPER)
+    freed = Hypothesis(own=Part(own, tuple(x.starts[0] for x in own.free)))
     diagnoses = [
-        conclude(told([record], best), ["record"], lambda _: None) for best in (hypothesis(PAPER, [record], LAG), None)
+        conclude(told([record], best), ["record"], lambda _: None)
+        for best in (hypothesis(PAPER, [record], LAG), freed, None)
     ]
     written, said = [], []
     for k, closed in enumerate([(0.4, 0.25), (-0.1, 0.0), (0.4, 0.15)]):
         for found in diagnoses:
-            out = tmp_path / f"{k}-{found.verdict}-{len(found.added)}"
+            out = tmp_path / f"{k}-{len(found.added)}-{found.findings.is_corrected}"
             out.mkdir()
             found = replace(found, gap=replace(found.gap, closed=closed))
             found.write(out, report=False)
             written.append((out / "model.toml").exists())
             said.append(any("do not show that it would be better" in x for x in found.to_dict()["warnings"]))
     # calibration alone is no effect of which held-out readings would have to show anything
-    assert written == [False, True, False, True, True, True]
+    assert written == [False, False, True, False, False, True, True, True, True]
     assert said == [not x for x in written]
 
 

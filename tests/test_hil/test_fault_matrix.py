@@ -25,7 +25,9 @@ CONFIRMED = ("one answer missing", "link drops", "protection trips", "local key 
 OTHERS = ("voltage reads 30 V", "mains dip", "settings without effect")
 LOST = [
     ("SIGQUIT to the terminal", "holding"), ("SIGTSTP to the terminal", "holding"), ("disk full", "holding"),
-    ("SIGSTOP to the controller", "descending"), ("controller floods the guard", "holding"),
+    ("SIGSTOP to the controller", "descending"), ("no memory left", "rising"),
+    ("guard killed, no memory left", "holding"), ("standard output closed, output stuck on", "holding"),
+    ("controller floods the guard", "holding"),
     ("guard and 1 spare killed", "holding"),
 ]  # fmt: skip
 

@@ -42,12 +42,12 @@ MODEL, FMU = "model.toml", "model.fmu"
 def is_written(findings: Findings, measured: Measured) -> bool:
     """Return whether there is a corrected model to write.
 
-    Not a worse one, nor one of another device, nor one whose effects the held-out readings do not show to close any of
-    the gap; a recalibrated one may always be.
+    Not a worse one, nor one of another device, nor one whose effects or numbers held-out readings do not show to close
+    any of the gap; one of another gain and offset alone may always be.
     """
     if measured.is_worse or findings.is_another_device:
         return False
-    return not (findings.simulated and measured.is_unproved)
+    return not (findings.is_corrected and measured.is_unproved)
 
 
 def outcome(

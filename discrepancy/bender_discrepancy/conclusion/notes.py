@@ -439,7 +439,7 @@ def not_written(findings: Findings, measured: Measured) -> list[str]:
             f"no model was written: on held-out readings it would leave {quantity(measured.after.rms_um, 'um')}, "
             f"{better} {quantity(left_um, 'um')}"
         ]
-    if findings.simulated and measured.is_unproved:
+    if findings.is_corrected and measured.is_unproved:
         return [
             "no model was written: held-out readings do not show that it would be better; the interval of what it "
             "closes of the gap there holds 0"

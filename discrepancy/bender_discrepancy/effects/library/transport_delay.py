@@ -19,7 +19,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         unit_s = 0.1 / sizes.highest_Hz or unit_s
     if sizes.lowest_Hz > 0.0:
         longest_s = min(longest_s, 1.0 / sizes.lowest_Hz)
-    delay = Free("delay_s", 0.0, 2.0 * longest_s, False, (), unit_s, rings="delay")
+    delay = Free("delay_s", 0.0, 2.0 * longest_s, False, (), unit_s, vanishes_at=0.0, rings="delay")
     return (simple("transport_delay", delay, memory=True, scan="delay"),)
 
 
