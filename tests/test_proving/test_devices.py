@@ -71,3 +71,19 @@ def test_names_are_right_for_what_is_in_a_device_alone():
     assert "sensor_lag" in device.right_names
     assert "offset" in device.right_names
     assert "thermal_drift" not in device.right_names
+
+
+@pytest.mark.parametrize(("place", "is_two_lags"), [(0.85, False), (0.95, True)])
+def test_a_mode_that_is_damped_beyond_one_is_two_lags(place: float, is_two_lags: bool) -> None:
+    device = Device(("mode",), 1.0, ((0.3, place, 0.0, 0.0, 0.0, 0.0),), 0.1)
+    assert ("sensor_lag" in device.right_names) is is_two_lags
+    (mode,) = device.elements(1.0)
+    dt_s, omega, damping = 1e-4, 2.0 / 0.05, 10.0 ** (-1.7 + 1.9 * place)
+    answer = np.array([mode(1.0, dt_s) for _ in range(4000)])
+    if is_two_lags:
+        slow, fast = (1.0 / (omega * (damping + sign * math.sqrt(damping**2 - 1.0))) for sign in (-1.0, 1.0))
+        time_s = dt_s * np.arange(1, 4001)
+        lags = 1.0 - (slow * np.exp(-time_s / slow) - fast * np.exp(-time_s / fast)) / (slow - fast)
+        assert np.max(np.abs(answer - lags)) < 0.01
+    else:
+        assert np.max(answer) > 1.0

@@ -54,8 +54,11 @@ class Device:
 
     @property
     def right_names(self) -> frozenset[str]:
-        """The ids that are no false name of what is in it."""
-        return ALWAYS_RIGHT.union(*(RIGHT_NAMES[kind] for kind in self.kinds))
+        """The ids that are no false name of what is in it; a mode that is damped beyond 1 is two lags."""
+        drawn = zip(self.kinds, self.numbers, strict=True)
+        is_slow = any(kind == "mode" and _damping_ratio(numbers) >= 1.0 for kind, numbers in drawn)
+        kinds = (*self.kinds, "lag") if is_slow else self.kinds
+        return ALWAYS_RIGHT.union(*(RIGHT_NAMES[kind] for kind in kinds))
 
     def elements(self, span: float) -> list[Element]:
         """Return its elements at rest.
@@ -88,7 +91,7 @@ def _lag(numbers: tuple[float, ...], _: float, scale_s: float) -> Element:
 
 
 def _mode(numbers: tuple[float, ...], _: float, scale_s: float) -> Element:
-    omega, damping = 2.0 / (scale_s * (0.2 + numbers[0])), 10.0 ** (-1.7 + 1.9 * numbers[1])
+    omega, damping = 2.0 / (scale_s * (0.2 + numbers[0])), _damping_ratio(numbers)
     place = speed = 0.0
 
     def step(value: float, dt_s: float) -> float:
@@ -99,6 +102,10 @@ def _mode(numbers: tuple[float, ...], _: float, scale_s: float) -> Element:
         return place
 
     return step
+
+
+def _damping_ratio(numbers: tuple[float, ...]) -> float:
+    return float(10.0 ** (-1.7 + 1.9 * numbers[1]))
 
 
 def _delay(numbers: tuple[float, ...], _: float, scale_s: float) -> Element:
