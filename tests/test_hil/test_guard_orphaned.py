@@ -22,6 +22,7 @@ from bender_hil.guard.watched import Watchman
 from bender_hil.guard.watchman import Known
 from bender_loop.errors import InputError
 from bender_loop.shell.last_word import UNKNOWN, number_of_outputs, status_at_last
+from bender_loop.shell.messages import call
 
 pytest.importorskip("pyvisa_py")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -247,6 +248,17 @@ def test_a_watchman_that_has_the_output_is_not_ended_in_the_middle_of_it(tmp_pat
     finally:
         process.kill()
         process.wait()
+
+
+def test_a_watchman_that_is_dismissed_comes_to_no_output(tmp_path: Path):
+    """The controller has raised the alarm itself: nobody else tries, and nothing is left open."""
+    watchman = Watchman(orders("TCPIP::127.0.0.1::9::SOCKET", tmp_path))
+    guard = call(watchman.port, watchman.password)
+    guard.send({"say": "arming", "identity": None, "pid": None})
+    watchman.dismiss()
+    guard.close()
+    assert watchman._process.returncode == 0
+    assert watchman._line == -1
 
 
 def test_a_guard_whose_starter_is_lost_before_it_says_what_for_says_nothing():
