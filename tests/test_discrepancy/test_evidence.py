@@ -29,7 +29,7 @@ from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.grades import contradicted, grade, relevant_part
 from bender_discrepancy.search.judgement.probability import Case, probability
 from bender_discrepancy.search.judgement.rules import Rules
-from bender_discrepancy.search.judgement.verdict import Verdict, decide
+from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters, decide
 from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import conclude, diagnose
@@ -446,6 +446,12 @@ def test_calibration_stands_only_where_it_predicts_blocks_that_it_was_not_fitted
     measured = [x.measured_um for x in true.problem.observations]
     # the readings themselves: nothing can predict better
     assert after_calibration(true, measured, measured) is measured
+
+
+@pytest.mark.parametrize(("offset_um", "matters"), [(0.02, False), (0.045, True)])
+def test_a_calibration_of_half_the_noise_is_worth_a_word(offset_um: float, matters: bool) -> None:
+    search = told([record_of(offset_um=offset_um)])
+    assert calibration_matters(search.archive, search.found.base, Rules()) is matters
 
 
 def test_calibration_that_gains_less_than_its_error_hardly_ever_stands(both) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from bender_hil.runner import run_lock
 from bender_hil.runner.interrupts import Interrupted, Interrupts
 from bender_hil.runner.run_lock import sole_run, sole_run_with_note
 from bender_loop.errors import InputError
@@ -243,3 +244,11 @@ def test_a_link_in_the_place_of_the_folder_of_locks_is_not_followed(tmp_path: Pa
     (tmp_path / f"bender-hil-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
     with sole_run(None, Path("a")):
         assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="numbers of users of POSIX")
+def test_every_user_has_locks_of_his_own(monkeypatch: pytest.MonkeyPatch):
+    first = [str(x) for x in run_lock._folders()]
+    monkeypatch.setattr(os, "getuid", lambda: 54321)
+    assert str(next(run_lock._folders())).endswith("54321")
+    assert str(next(run_lock._folders())) not in first
