@@ -92,6 +92,10 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
 """
 
 
+_PARSING = threading.Lock()
+"""Python counts how deep a tree of syntax is for all threads together: two that parse at once make it stumble."""
+
+
 def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any]:
     """Collect by name every function and number that a kernel refers to, itself included; caches are looked through."""
     function = inspect.unwrap(function)
@@ -143,7 +147,8 @@ def _compilable(function: Callable[..., Any], options: str) -> str:
     """Return the source of a function to compile, without `del` of unused arguments."""
     source = textwrap.dedent(inspect.getsource(function))
     if _ends_of_any_length(function):
-        source = ast.unparse(_Filled().visit(ast.parse(source))) + "\n"
+        with _PARSING:
+            source = ast.unparse(_Filled().visit(ast.parse(source))) + "\n"
     return f"@njit({options})\n" + re.sub(r"^ +del .*\n|^@.*\n", "", source, flags=re.MULTILINE)
 
 

@@ -261,3 +261,34 @@ def test_where_no_process_can_be_begun_this_one_goes_on(tmp_path: Path, monkeypa
     with compile_in_background(lambda: [PAPER, LAGGED]):
         done.append("the block")
     assert (len(refused), done) == (1, ["the block"])
+
+
+PARSED_AT_ONCE = """
+import gc, threading, time
+from bender_compiled.kernels import _compilable
+from bender_plant.blocks.creep import step
+failures = []
+
+def work():
+    try:
+        for _ in range(100):
+            _compilable(step, "")
+    except BaseException as error:
+        failures.append(repr(error))
+
+# whoever comes between two steps of the parser, as the finaliser of any library may
+gc.set_threshold(20)
+gc.callbacks.append(lambda *_: time.sleep(1e-4))
+threads = [threading.Thread(target=work) for _ in range(6)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+gc.callbacks.clear()
+print(failures)
+"""
+
+
+def test_kernels_are_written_by_several_threads_at_once() -> None:
+    done = subprocess.run([sys.executable, "-c", PARSED_AT_ONCE], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
