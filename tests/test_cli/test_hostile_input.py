@@ -213,7 +213,7 @@ def test_a_file_name_that_is_no_text_is_a_name(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are no text need a file system that takes them")
 def test_a_file_name_that_is_no_text_is_drawn(tmp_path: Path) -> None:
     name = os.fsencode(tmp_path) + b"/r\xff.csv"
-    os.rename(record(tmp_path / "r.csv", 400), name)
+    os.rename(record(tmp_path / "r.csv"), name)
     done = _child(["identify", name, "--out", "model.toml"], tmp_path)
     assert (done.returncode, b"fault" in done.stderr) == (0, False)
     assert (tmp_path / "model-loops.png").stat().st_size > 1000

@@ -112,6 +112,7 @@ def test_a_good_model_is_kept_and_a_worse_one_is_not_written(tmp_path: Path) -> 
 def test_what_held_out_readings_do_not_show_to_close_any_of_the_gap_is_not_written(tmp_path: Path) -> None:
     record = record_of(effects=LAGGING, voltage_V=levels(4.0))
     own = own_form(PAPER)
+    assert own is not None
     freed = Hypothesis(own=Part(own, tuple(x.starts[0] for x in own.free)))
     diagnoses = [
         conclude(told([record], best), ["record"], lambda _: None)
