@@ -69,7 +69,7 @@ def _why_likely(grades: Grades) -> str:
     if open_:
         return f"{first} better, but {listed(open_)} {'is' if len(open_) == 1 else 'are'} not excluded"
     if vague := [x.id for x in grades.effects if x.may_vanish]:
-        return f"{first} as well, but the 95 % interval of the size of {listed(vague)} holds none at all"
+        return f"{first} as well, but the 95 % interval of the size of {listed(vague)} includes zero effect"
     if not grades.complete:
         return f"{first} as well, but a part of the residual stays unexplained"
     return f"{first} as well, but not so clearly that it is certain"
