@@ -17,11 +17,11 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import own_numbers
-from bender_discrepancy.fitting.profile import Ends, interval_ends, may_vanish
+from bender_discrepancy.fitting.profile import Ends, interval_ends, may_have_no_answer, may_vanish
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.records.observations import have_same_zero
-from bender_discrepancy.search.judgement.grades import Grade
+from bender_discrepancy.search.judgement.grades import Doubt, Grade
 from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
@@ -232,8 +232,8 @@ def find(search: SearchResult) -> Findings:
 
     problem, open_ = determined(search.best)
     ends = interval_ends(problem, search.best, open_)
-    search = search.with_sizes(may_vanish(search.best, ends))
     shares = shares_of_gap(search.archive, search.found.base, search.best)
+    search = search.with_doubts(_doubts(search, ends, shares))
     effects = [
         _named(search, x, determined(x.fitted)[1], ends if x.fitted is search.best else (), span, record)
         for x in contenders(search, shares)
@@ -261,6 +261,20 @@ def find(search: SearchResult) -> Findings:
         shares=shares,
         changed=() if untouched else tuple(x for x in changed if x.after != x.before),
     )
+
+
+def _doubts(search: SearchResult, ends: Sequence[Ends | None], shares: Mapping[str, float]) -> dict[int, Doubt]:
+    """Return why the final numbers of some effects, by their index, leave open whether they are there."""
+    best = search.best
+    hardly: dict[int, Doubt] = {
+        k: "share"
+        for k, x in enumerate(best.hypothesis.parts)
+        if not (x.form.shown or EFFECTS[x.form.effect].of_the_record)
+        and shares[x.form.effect] <= search.rules.last_percent
+    }
+    shapes: dict[int, Doubt] = dict.fromkeys(may_have_no_answer(best, ends), "shape")
+    sizes: dict[int, Doubt] = dict.fromkeys(may_vanish(best, ends), "size")
+    return {**hardly, **shapes, **sizes}
 
 
 def worst_record(search: SearchResult) -> int:

@@ -125,6 +125,7 @@ class Form:
         refines: the name of a form of the same effect that has the first of these numbers only: a search sets out from
             where that one promises most.
         beside: id of the effect that it also is, besides its own: a loop beside a curve.
+        curve: the free numbers of what it is beside.
         scan: how its starts are found: "delay", "steps", "swing", "ring", "limit above" or "limit
             below"; "" for those that its numbers have.
     """
@@ -139,6 +140,7 @@ class Form:
     shown: bool = False
     refines: str = ""
     beside: str = ""
+    curve: tuple[str, ...] = ()
     scan: str = ""
 
     def of_record(self, values: Values, record: int) -> Values:
@@ -159,6 +161,17 @@ class Form:
             return apply(model, (*values[:k], value, *values[k:]))
 
         return replace(self, free=(*self.free[:k], *self.free[k + 1 :]), apply=held)
+
+    def curve_alone(self, values: Values) -> tuple["Form", Values]:
+        """Return what the form is beside, without the form's own effect, and the numbers of that.
+
+        Its own sizes are held at none, its other numbers where they are.
+        """
+        found = replace(self, name=f"{self.name}, the curve alone")
+        for free, value in zip(self.free, values, strict=True):
+            if free.name not in self.curve:
+                found = found.holding(free.name, 0.0 if free.is_size else value)
+        return found, tuple(v for free, v in zip(self.free, values, strict=True) if free.name in self.curve)
 
     def setting_out_from(self, promising: Sequence[Values]) -> "Form":
         """Return the form with its first numbers searched from those values only."""

@@ -67,6 +67,13 @@ class Archive:
             self.add([fitted])
         return self._starts[key]
 
+    def compared(self, hypothesis: Hypothesis) -> Fitted | None:
+        """Return a hypothesis fitted to be compared with others: it is not kept, nobody may choose it."""
+        key = (*_start_key(hypothesis), "compared")
+        if key not in self._starts:
+            self._starts[key] = fit(self.problem, hypothesis)
+        return self._starts[key]
+
     def add(self, fits: Iterable[Fitted | None]) -> list[Fitted]:
         """Keep fits that were made elsewhere; returns those that can be simulated."""
         alive = [x for x in fits if x is not None and np.isfinite(x.training_square)]
@@ -183,7 +190,9 @@ class Archive:
         fits = {id(x): recounted(x, problem) for x in self.fits}
         fits[id(leader)] = again
         self.fits = list(fits.values())
-        self._starts = {k: None if x is None else fits.get(id(x), x) for k, x in self._starts.items()}
+        # what was only compared is fitted again where it is asked for
+        kept = {k: x for k, x in self._starts.items() if x is None or id(x) in fits}
+        self._starts = {k: None if x is None else fits[id(x)] for k, x in kept.items()}
         # what forms promised, they promised with the readings that do not count any more
         self._scanned.clear()
         self._predictions.clear()

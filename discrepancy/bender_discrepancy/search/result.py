@@ -1,6 +1,6 @@
 """What a search and its verdict leave: the state from which everything that is told is made."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Grades, contradicted, grade, vanishing
+from bender_discrepancy.search.judgement.grades import Doubt, Grades, contradicted, doubted, grade
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.search.search import Searched
@@ -104,11 +104,11 @@ class SearchResult:
         verdict = Verdict(word, reason, complete=False)
         return replace(self, grades=replace(self.grades, effects=effects), verdict=verdict)
 
-    def with_sizes(self, may_vanish: Collection[int]) -> "SearchResult":
-        """Return the result where the 95 % intervals of the sizes of some effects, by their index, hold none at all."""
-        if not any(x.grade == "certain" for x in self.grades.effects if x.index in may_vanish):
+    def with_doubts(self, doubts: Mapping[int, Doubt]) -> "SearchResult":
+        """Return the result where the final numbers of some effects, by index, leave open whether they are there."""
+        if not any(x.grade == "certain" for x in self.grades.effects if x.index in doubts):
             return self
-        effects = tuple(vanishing(x) if x.index in may_vanish else x for x in self.grades.effects)
+        effects = tuple(doubted(x, doubts[x.index]) if x.index in doubts else x for x in self.grades.effects)
         grades = replace(self.grades, effects=effects)
         verdict = replace(decide(self.found, grades, self.rules), complete=self.verdict.complete)
         return replace(self, grades=grades, verdict=verdict)

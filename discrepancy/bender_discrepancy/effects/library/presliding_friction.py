@@ -1,5 +1,7 @@
 """Friction with presliding: a force of the velocity that saturates, with a loop where the velocity turns."""
 
+from dataclasses import replace
+
 from bender_discrepancy.effects.effect import OTHER_RIGS, Effect, Sizes, scaling
 from bender_discrepancy.effects.form import Form, amplitude, scale, simple
 
@@ -14,6 +16,8 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     slip = scale("slip_V_s", low, max(high, 10.0 * low), 6)
     own = scaling("V", sizes.span_V, sizes.stroke_um)
     slip = slip.reaching(own * COVERED["slip_V_s"][0], own * COVERED["slip_V_s"][1])
+    # over no way it is a force of the sign alone, over all that is travelled a spring
+    slip = replace(slip, no_answer_at="both")
     return (simple("presliding_friction", force, slip, memory=True),)
 
 

@@ -60,7 +60,9 @@ def _preisach(count: int, degree: int, sizes: Sizes) -> Form:
     free = [_power(f"{powers[k]}[{j + 1}]", k + 1, sizes) for k in range(degree) for j in range(count)]
     name = f"{count} plays to the power {degree}"
     numbers = (*free, *_reversible(degree, sizes))
-    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
+    return Form(
+        "rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE, curve=REVERSIBLE
+    )
 
 
 def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
@@ -87,7 +89,9 @@ def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
         return Form("rate_independent_hysteresis", "Bouc-Wen", free, apply, memory=True, timed=False)
     free += _reversible(3, sizes)
     name = "Bouc-Wen beside a curve"
-    return Form("rate_independent_hysteresis", name, free, apply, memory=True, timed=False, beside=CURVE)
+    return Form(
+        "rate_independent_hysteresis", name, free, apply, memory=True, timed=False, beside=CURVE, curve=REVERSIBLE
+    )
 
 
 def _elastic_slip(sizes: Sizes) -> Form:
@@ -141,7 +145,9 @@ def _plays_beside_a_curve(count: int, sizes: Sizes) -> Form:
     free = tuple(replace(weight, name=f"weights_um_per_V[{k + 1}]") for k in range(count))
     name = f"{count} plays of one sign beside a curve"
     numbers = (*free, *_reversible(3, sizes))
-    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
+    return Form(
+        "rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE, curve=REVERSIBLE
+    )
 
 
 def _plays_in_use(count: int, sizes: Sizes) -> Form:
@@ -166,7 +172,9 @@ def _plays_in_use(count: int, sizes: Sizes) -> Form:
     free = [replace(weight, name=f"{x}_um_per_V[{k + 1}]") for x in ("lowest", "highest") for k in range(count)]
     name = f"{count} plays of one sign that lean, in use before"
     numbers = (*free, *_reversible(3, sizes))
-    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
+    return Form(
+        "rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE, curve=REVERSIBLE
+    )
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:

@@ -17,6 +17,7 @@ from scipy.special import ndtri
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.blocked import least_beside_a_block
 from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
+from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import hardly_steps, only_one_sine, turns_plays
@@ -33,6 +34,8 @@ from bender_discrepancy.search.noise import floor_limit, floor_square_um2, resid
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
+# why the final numbers leave open whether an effect is there; "" where they do not
+Doubt = Literal["", "size", "shape", "share"]
 # why the records cannot exclude a rival; "" where they do
 Reach = Literal["", "predicts as well", "fits as well", "plainer", "other side", "as large"]
 MOST_WEIGHED = 12
@@ -73,7 +76,7 @@ class Graded:
         difference: of the information criterion, by which that is worse.
         case: against it.
         rivals: what was fitted in its place, best first.
-        may_vanish: the 95 % interval of its size holds none of it at all.
+        doubt: its size may be none, one of its numbers may be where it is no answer, or hardly any of the gap is its.
     """
 
     index: int
@@ -84,7 +87,7 @@ class Graded:
     difference: float
     case: Case
     rivals: tuple[Rival, ...] = ()
-    may_vanish: bool = False
+    doubt: Doubt = ""
 
     @property
     def open_rivals(self) -> tuple[Rival, ...]:
@@ -210,17 +213,20 @@ def _graded(
     subsets = [x for x in lacking if set(x.hypothesis.effects) <= set(best.hypothesis.effects)]
     without = archive.best(x for x in subsets if set(x.hypothesis.effects) == with_others) or base
     rivals = _rivals(archive, rules, base, best, lacking, by, complete=complete)
-    nearest = archive.best((*subsets, *(x.fitted for x in rivals))) or base
+    curve = _curve_alone(archive, best, index)
+    nearest = archive.best((*subsets, *curve, *(x.fitted for x in rivals))) or base
     against = archive.difference(_strongest(archive, rules, best), nearest)
     rest, left = (above_floor_um2(archive, x) for x in (nearest, best))
     case = Case.of(against.deviations, rest, left, closed)
     likely = probability(case)
     alone = len(best.hypothesis.parts) == 1
-    is_needed = alone or rules.is_material(archive, base, without, best)
+    is_needed = (alone or rules.is_material(archive, base, without, best)) and all(
+        rules.is_material(archive, base, x, best) for x in curve
+    )
     # what knows the time alone can hardly follow what another form leaves of the answer to a command
     within = rules.is_of_last_percent if EFFECTS[effect].of_the_record else rules.closes_hardly
-    is_needed = is_needed and not within(archive, base, without, best)
-    is_shown = archive.difference(best, without).deviations > rules.certain_deviations
+    is_needed = is_needed and not any(within(archive, base, x, best) for x in (without, *curve))
+    is_shown = all(archive.difference(best, x).deviations > rules.certain_deviations for x in (without, *curve))
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
     is_certain = is_certain and _is_determined(archive, best, index)
@@ -231,6 +237,19 @@ def _graded(
     return Graded(
         index, effect, word, likely, without, cost(without, by) - cost(best, by), case, tuple(rivals)
     )  # fmt: skip
+
+
+def _curve_alone(archive: Archive, best: Fitted, index: int) -> tuple[Fitted, ...]:
+    """Return the best hypothesis with the curve beside which an effect has its loop, but not with that; () of others.
+
+    Of a form that is two effects, one may do all that it does.
+    """
+    parts = best.hypothesis.parts
+    if not parts[index].form.curve:
+        return ()
+    rest = Part(*parts[index].form.curve_alone(parts[index].values))
+    found = archive.compared(replace(best.hypothesis, parts=(*parts[:index], rest, *parts[index + 1 :])))
+    return () if found is None else (found,)
 
 
 def _strongest(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
@@ -394,9 +413,9 @@ def contradicted(graded: Graded, closed: float) -> Graded:
     return replace(graded, grade=word, probability=likely, case=case)
 
 
-def vanishing(graded: Graded) -> Graded:
-    """Return an effect of which the 95 % interval of its size holds none: it is not certain."""
-    return replace(_at_most_likely(graded), may_vanish=True)
+def doubted(graded: Graded, doubt: Doubt) -> Graded:
+    """Return an effect of which the final numbers leave open whether it is there: it is not certain."""
+    return replace(_at_most_likely(graded), doubt=doubt)
 
 
 def _at_most_likely(graded: Graded) -> Graded:

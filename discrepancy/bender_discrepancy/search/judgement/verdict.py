@@ -6,13 +6,19 @@ from typing import Literal
 
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Grades, is_complete
+from bender_discrepancy.search.judgement.grades import Doubt, Grades, is_complete
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.noise import extremes_at_floor, floor_square_um2, residual_square_um2
 from bender_discrepancy.search.search import Searched
 from bender_report.wording import listed
 
 Word = Literal["named", "likely", "ambiguous", "unexplained", "recalibrated", "no_gap"]
+
+DOUBTS: dict[Doubt, str] = {
+    "size": "the 95 % interval of the size of {} includes zero effect",
+    "shape": "the 95 % interval of a number of {} reaches the end of its range",
+    "share": "{} closes next to nothing of the gap in the mean over all orders of adding",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +74,9 @@ def _why_likely(grades: Grades) -> str:
     open_ = list(dict.fromkeys(y.id for x in grades.effects for y in x.open_rivals))
     if open_:
         return f"{first} better, but {listed(open_)} {'is' if len(open_) == 1 else 'are'} not excluded"
-    if vague := [x.id for x in grades.effects if x.may_vanish]:
-        return f"{first} as well, but the 95 % interval of the size of {listed(vague)} includes zero effect"
+    for doubt, said in DOUBTS.items():
+        if ids := [x.id for x in grades.effects if x.doubt == doubt]:
+            return f"{first} as well, but {said.format(listed(ids))}"
     if not grades.complete:
         return f"{first} as well, but a part of the residual stays unexplained"
     return f"{first} as well, but not so clearly that it is certain"
