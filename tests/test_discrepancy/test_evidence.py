@@ -425,6 +425,14 @@ def test_shares_add_up_to_what_the_hypothesis_closes(both) -> None:
     assert shares["source_resistance"] > 0.9 > 0.1 > shares["periodic_disturbance"]
 
 
+def test_an_effect_that_alone_predicts_worse_than_nothing_has_its_share_beside_others(both) -> None:
+    archive, base, best = both.archive, both.found.base, both.best
+    (lag,) = (x for x in archive.fits if x.hypothesis.effects == ("source_resistance",))
+    worse = replace(lag, residuals=tuple(3.0 * x for x in base.residuals))
+    archive = replace(archive, fits=[worse if x is lag else x for x in archive.fits])
+    assert shares_of_gap(archive, base, best)["source_resistance"] == pytest.approx(0.5, abs=0.05)
+
+
 def test_the_order_of_the_effects_does_not_matter(both) -> None:
     record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
     other = told([record], hypothesis(PAPER, [record], HUM, LAG), [hypothesis(PAPER, [record], x) for x in (LAG, HUM)])

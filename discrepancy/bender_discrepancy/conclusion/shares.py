@@ -6,8 +6,9 @@ and the noise floor, which has these steps in it.
 
 What an effect closes depends on which others are in the model already. Its share is the mean over all orders of adding
 (Shapley 1953; for the variance that regressors explain: Lindeman, Merenda and Gold 1980). Every subset of the effects
-is stood for by the fit of it, or of a part of it, that leaves least. The model's own numbers, where they were freed,
-have a share like an effect; an equation without a name has what it closes after all of them.
+is stood for by the fit of it, or of a part of it, that leaves least; one that is no better than nothing on the reported
+rows closes nothing, however much worse it is. The model's own numbers, where they were freed, have a share like an
+effect; an equation without a name has what it closes after all of them.
 """
 
 from collections.abc import Mapping
@@ -60,7 +61,7 @@ def shares_of_gap(archive: Archive, base: Fitted, best: Fitted) -> dict[str, flo
         if subset == frozenset(players) and hypothesis.equation is None:
             return closed_by(archive, base, best)
         within = (x for x in fits if subset.issuperset(_players(x.hypothesis)))
-        return closed_by(archive, base, min(within, key=left_square, default=base))
+        return max(closed_by(archive, base, min(within, key=left_square, default=base)), 0.0)
 
     known = {
         frozenset(x): closed(frozenset(x)) for size in range(len(players) + 1) for x in combinations(players, size)
