@@ -17,7 +17,7 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import own_numbers
-from bender_discrepancy.fitting.profile import Ends, interval_ends, may_have_no_answer, may_vanish
+from bender_discrepancy.fitting.profile import Ends, interval_ends, may_vanish
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.records.observations import have_same_zero
@@ -272,9 +272,8 @@ def _doubts(search: SearchResult, ends: Sequence[Ends | None], shares: Mapping[s
         if not (x.form.shown or EFFECTS[x.form.effect].of_the_record)
         and shares[x.form.effect] <= search.rules.last_percent
     }
-    shapes: dict[int, Doubt] = dict.fromkeys(may_have_no_answer(best, ends), "shape")
     sizes: dict[int, Doubt] = dict.fromkeys(may_vanish(best, ends), "size")
-    return {**hardly, **shapes, **sizes}
+    return {**hardly, **sizes}
 
 
 def worst_record(search: SearchResult) -> int:

@@ -100,25 +100,6 @@ def may_vanish(fitted: Fitted, ends: Sequence[Ends | None]) -> tuple[int, ...]:
     return tuple(found)
 
 
-def may_have_no_answer(fitted: Fitted, ends: Sequence[Ends | None]) -> tuple[int, ...]:
-    """Return the effects of a hypothesis, by their index, of which an interval reaches where a number is no answer.
-
-    What another channel shows stands.
-
-    Args:
-        fitted: the hypothesis.
-        ends: of the 95 % intervals of its free numbers.
-    """
-    found, first = [], 0
-    for k, part in enumerate(fitted.hypothesis.parts):
-        own = zip(part.form.free, ends[first : first + len(part.values)], strict=True)
-        first += len(part.values)
-        reached = (free.ends_without_answer(e) for free, x in own if x is not None for e in (x.low, x.high))
-        if any(reached) and not part.form.shown:
-            found.append(k)
-    return tuple(found)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Profile:
     """The misfit along one number.

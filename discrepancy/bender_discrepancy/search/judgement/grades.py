@@ -35,7 +35,7 @@ from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
 # why the final numbers leave open whether an effect is there; "" where they do not
-Doubt = Literal["", "size", "shape", "share"]
+Doubt = Literal["", "size", "share"]
 # why the records cannot exclude a rival; "" where they do
 Reach = Literal["", "predicts as well", "fits as well", "plainer", "other side", "as large"]
 MOST_WEIGHED = 12
@@ -76,7 +76,7 @@ class Graded:
         difference: of the information criterion, by which that is worse.
         case: against it.
         rivals: what was fitted in its place, best first.
-        doubt: its size may be none, one of its numbers may be where it is no answer, or hardly any of the gap is its.
+        doubt: its size may be none, or hardly any of the gap is its.
     """
 
     index: int

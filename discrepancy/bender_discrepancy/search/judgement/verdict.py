@@ -16,7 +16,6 @@ Word = Literal["named", "likely", "ambiguous", "unexplained", "recalibrated", "n
 
 DOUBTS: dict[Doubt, str] = {
     "size": "the 95 % interval of the size of {} includes zero effect",
-    "shape": "the 95 % interval of a number of {} reaches the end of its range",
     "share": "{} closes next to nothing of the gap in the mean over all orders of adding",
 }
 
