@@ -83,6 +83,7 @@ def test_a_certain_name_that_is_not_in_the_device_and_a_model_that_is_worse_are_
     assert tried.outcome == "named"
     assert tried.certain == ["creep", "sensor_lag"]
     assert tried.false == ["creep"]
+    assert [(x["id"], x["is_there"]) for x in tried.told] == [("creep", False), ("sensor_lag", True), ("fold", False)]
     assert (tried.worse is not None) is is_worse
     assert len(tried.complaints) == 1 + is_worse
 

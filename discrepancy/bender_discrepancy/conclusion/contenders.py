@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from bender_discrepancy.conclusion.shares import closed_by, held_square_um2, shares_of_gap
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.judgement.grades import Grade, Graded, Rival
+from bender_discrepancy.search.judgement.probability import Case
 from bender_discrepancy.search.result import SearchResult
 
 # open rivals that are reported as effects, and rivals that are listed beside each effect
@@ -32,6 +33,7 @@ class Contender:
         rivals: others that were fitted in its place, best first.
         rival_of: the effect whose place it would take, for the rivals of an open verdict; None otherwise.
         is_all: without it nothing but the recalibrated model is left.
+        case: what its probability follows from; None of a rival, whose own follows from that of the effect.
     """
 
     fitted: Fitted
@@ -45,6 +47,7 @@ class Contender:
     rivals: tuple[Rival, ...]
     rival_of: str | None = None
     is_all: bool = False
+    case: Case | None = None
 
     @property
     def id(self) -> str:
@@ -152,7 +155,7 @@ def _own(search: SearchResult, graded: Graded, share: float) -> Contender:
     rivals = graded.rivals[:MOST_LISTED]
     return Contender(
         search.best, graded.index, share, rest, left, graded.difference, graded.grade, graded.probability, rivals,
-        is_all=graded.without is search.found.base,
+        is_all=graded.without is search.found.base, case=graded.case,
     )  # fmt: skip
 
 

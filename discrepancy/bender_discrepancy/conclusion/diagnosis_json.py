@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from bender_discrepancy.conclusion.contenders import alternatives
@@ -167,6 +168,7 @@ def _effect(findings: Findings, measured: Measured, effect: ReportedEffect) -> d
     }
     if x is not None:
         entry["delta_bic_without"] = _finite(round(x.without, 2))
+        entry["weighed"] = None if x.case is None else {key: round(value, 4) for key, value in asdict(x.case).items()}
     elif findings.lattice is not None and measured.floor_um > 0.0:
         entry["share_of_noise_floor"] = round(min((findings.lattice.share_um / measured.floor_um) ** 2, 1.0), 4)
     if effect.form:

@@ -41,6 +41,7 @@ class Tried:
         false: those of them that are not in it.
         faults, hangs, noise: a sentence each.
         worse: how many times the error on the second record has grown, where it has.
+        told: every effect, with its grade, its probability, what that follows from, and whether it is in the device.
     """
 
     seed: int
@@ -52,6 +53,7 @@ class Tried:
     hangs: list[str] = field(default_factory=list)
     noise: list[str] = field(default_factory=list)
     worse: float | None = None
+    told: list[dict[str, Any]] = field(default_factory=list)
 
     @property
     def complaints(self) -> list[str]:
@@ -93,8 +95,13 @@ def try_device(strange: Strange, limit_s: float = LIMIT_S) -> Tried:
         if answer is None:
             return tried
         tried.outcome = str(answer.get("verdict"))
-        tried.certain = [x["id"] for x in answer.get("effects", []) if x.get("grade") == "certain"]
-        tried.false = [x for x in tried.certain if x not in strange.device.right_names]
+        right = strange.device.right_names
+        tried.told = [
+            {key: x.get(key) for key in ("id", "grade", "probability", "weighed")} | {"is_there": x["id"] in right}
+            for x in answer.get("effects", [])
+        ]
+        tried.certain = [x["id"] for x in tried.told if x["grade"] == "certain"]
+        tried.false = [x for x in tried.certain if x not in right]
         if (place / "out" / "model.toml").is_file():
             tried.worse = _worse(place)
     return tried
