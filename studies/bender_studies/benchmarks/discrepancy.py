@@ -101,18 +101,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _probabilities(found: "Sequence[Judged]") -> None:
     """Print the reliability of the probabilities, and the weights that half of the cases teach, held to the others."""
     from bender_loop.shell.progress import print_table
-    from bender_studies.hidden_effects.probabilities import by, calibration_error, judged_effects, reliability, weights
+    from bender_studies.hidden_effects.probabilities import held_to_others, judged_effects
 
-    training, others = judged_effects(found[::2]), judged_effects(found[1::2])
-    now = [(x.probability, x.is_there) for x in (*training, *others)]
-    told = [("as they are", now)]
-    if training and others:
-        learned = weights(training)
-        sys.stdout.write(f"weights by every second case: {', '.join(str(x) for x in learned)}\n")
-        told.append(("by these weights, on the other cases", by(others, learned)))
-    for name, pairs in told:
-        title = f"Probabilities {name}: expected calibration error {calibration_error(pairs):.3f}"
-        print_table(title, ("told", "effects", "mean", "there"), [[str(y) for y in x] for x in reliability(pairs)])
+    for table in held_to_others(judged_effects(found[::2]), judged_effects(found[1::2])):
+        print_table(*table)
 
 
 def _suspects(arguments: argparse.Namespace) -> int:

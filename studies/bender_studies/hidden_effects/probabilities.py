@@ -11,6 +11,9 @@ from bender_studies.hidden_effects.judging import Judged
 
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 RIDGE = 1e-2
+COLUMNS = ("told", "effects", "mean", "there")
+
+Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,22 @@ def judged_effects(cases: Sequence[Judged]) -> list[JudgedEffect]:
     ]
 
 
+def held_to_others(training: Sequence[JudgedEffect], others: Sequence[JudgedEffect]) -> list[Table]:
+    """Return the reliability of the probabilities, and that of the weights that some effects teach, on the others."""
+    told = [("as they are", [(x.probability, x.is_there) for x in (*training, *others)])]
+    if training and others:
+        learned = weights(training)
+        told.append((f"by weights {', '.join(map(str, learned))} of one half, on the other", by(others, learned)))
+    return [
+        (
+            f"Probabilities {name}: expected calibration error {calibration_error(pairs):.3f}",
+            COLUMNS,
+            reliability(pairs),
+        )
+        for name, pairs in told
+    ]
+
+
 def weights(told: Sequence[JudgedEffect]) -> tuple[float, ...]:
     """Return the weights of a logistic curve that fit best (maximum likelihood with a slight ridge)."""
     parts = np.array([x.parts for x in told])
@@ -57,14 +76,14 @@ def by(told: Sequence[JudgedEffect], weighed: Sequence[float]) -> list[tuple[flo
     return [(float(p), x.is_there) for p, x in zip(1.0 / (1.0 + np.exp(-evidence)), told, strict=True)]
 
 
-def reliability(pairs: Sequence[tuple[float, bool]]) -> list[list[object]]:
+def reliability(pairs: Sequence[tuple[float, bool]]) -> list[list[str]]:
     """Return for every bin of probabilities: how many effects, their mean probability, the share that is there."""
-    found: list[list[object]] = []
+    found: list[list[str]] = []
     for low, high in pairwise(BINS):
         own = [(p, there) for p, there in pairs if low <= p < high or (p == high == 1.0)]
         if own:
             mean, share = (float(np.mean([x[k] for x in own])) for k in (0, 1))
-            found.append([f"{low:.1f} to {high:.1f}", len(own), round(mean, 3), round(share, 3)])
+            found.append([f"{low:.1f} to {high:.1f}", str(len(own)), f"{mean:.3f}", f"{share:.3f}"])
     return found
 
 
