@@ -353,6 +353,7 @@ def test_a_rival_that_cannot_be_weighed_has_no_number(difference: float, tmp_pat
     told_again = json.loads(json.dumps(result, allow_nan=False))
     assert told_again["effects"][0]["rivals"][0]["delta_bic"] is None
     assert told_again["effects"][0]["delta_bic_without"] is None
+    assert set(told_again["effects"][0]["weighed"]) == {"deviations", "log_ratio", "closed", "passed"}
     assert "too few readings to choose between them" in " ".join(
         " ".join(summary(findings, measured, result, tmp_path)).split()
     )

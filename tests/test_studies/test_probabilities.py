@@ -72,10 +72,10 @@ def test_half_of_the_effects_teach_and_the_others_judge():
 
 
 def test_rivals_and_what_is_read_off_teach_nothing():
-    weighed = {"deviations": 8.0, "log_ratio": 2.0, "closed": 0.9}
+    weighed = {"deviations": 8.0, "log_ratio": 2.0, "closed": 0.9, "passed": True}
     told = [
         {"id": "creep", "probability": 0.8, "weighed": weighed, "is_there": True},
         {"id": "sensor_lag", "probability": 0.1, "weighed": None, "is_there": False},
     ]
     (judged,) = judged_of_devices([Tried(1, ("lag",), told=told)])
-    assert judged == JudgedEffect((1.0, 8.0, 2.0, 0.9), 0.8, is_there=True)
+    assert judged == JudgedEffect((1.0, 1.0, 8.0, 2.0, 0.9), 0.8, is_there=True)

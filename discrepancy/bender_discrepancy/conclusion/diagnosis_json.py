@@ -25,6 +25,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.records.record_names import distinct_names
+from bender_discrepancy.search.judgement.probability import Case
 from bender_discrepancy.search.noise import as_read, floor_square_um2
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.witnesses.missing_columns import MissingColumn
@@ -168,7 +169,7 @@ def _effect(findings: Findings, measured: Measured, effect: ReportedEffect) -> d
     }
     if x is not None:
         entry["delta_bic_without"] = _finite(round(x.without, 2))
-        entry["weighed"] = None if x.case is None else {key: round(value, 4) for key, value in asdict(x.case).items()}
+        entry["weighed"] = None if x.case is None else _weighed(x.case)
     elif findings.lattice is not None and measured.floor_um > 0.0:
         entry["share_of_noise_floor"] = round(min((findings.lattice.share_um / measured.floor_um) ** 2, 1.0), 4)
     if effect.form:
@@ -179,6 +180,10 @@ def _effect(findings: Findings, measured: Measured, effect: ReportedEffect) -> d
     if x is not None and x.rival_of:
         entry["rival_of"] = x.rival_of
     return entry
+
+
+def _weighed(case: Case) -> dict[str, float | bool]:
+    return {k: x if isinstance(x, bool) else round(x, 4) for k, x in asdict(case).items()}
 
 
 def _lead(findings: Findings, lead: Lead | None) -> dict[str, Any] | None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from bender_discrepancy.search.judgement.probability import Case
 from bender_loop.records.record import read_record
 from bender_plant.model import ModelError, load_model
 from bender_proving.devices.record import Strange, draw
@@ -68,7 +69,7 @@ class Tried:
 def judged_effects(devices: Iterable[Tried]) -> list[JudgedEffect]:
     """Return the effects of the corrected models of all devices, with what their probabilities follow from."""
     return [
-        JudgedEffect((1.0, *x["weighed"].values()), x["probability"], x["is_there"])
+        JudgedEffect(Case(**x["weighed"]).parts, x["probability"], x["is_there"])
         for device in devices
         for x in device.told
         if x["weighed"]

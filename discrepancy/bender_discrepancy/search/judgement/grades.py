@@ -218,7 +218,6 @@ def _graded(
     against = archive.difference(_strongest(archive, rules, best), nearest)
     rest, left = (above_floor_um2(archive, x) for x in (nearest, best))
     case = Case.of(against.deviations, rest, left, closed)
-    likely = probability(case)
     alone = len(best.hypothesis.parts) == 1
     is_needed = (alone or rules.is_material(archive, base, without, best)) and all(
         rules.is_material(archive, base, x, best) for x in curve
@@ -231,8 +230,9 @@ def _graded(
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
     is_certain = is_certain and _is_determined(archive, best, index)
     is_certain = is_certain and not _is_shown_once(archive, rules, without, best)
-    if part.form.shown:
-        is_certain, likely = True, 1.0
+    is_certain = is_certain or part.form.shown
+    case = replace(case, passed=is_certain)
+    likely = 1.0 if part.form.shown else probability(case)
     word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
     return Graded(
         index, effect, word, likely, without, cost(without, by) - cost(best, by), case, tuple(rivals)
@@ -407,10 +407,7 @@ def contradicted(graded: Graded, closed: float) -> Graded:
         graded: as the rows of the choices have it.
         closed: part of the gap's variance that the corrected model closes in the others.
     """
-    case = graded.case.seen_by_none(closed)
-    likely = min(graded.probability, probability(case))
-    word: Grade = "likely" if likely >= RULES.likely else "possible"
-    return replace(graded, grade=word, probability=likely, case=case)
+    return _by(graded, graded.case.seen_by_none(closed))
 
 
 def doubted(graded: Graded, doubt: Doubt) -> Graded:
@@ -419,4 +416,11 @@ def doubted(graded: Graded, doubt: Doubt) -> Graded:
 
 
 def _at_most_likely(graded: Graded) -> Graded:
-    return replace(graded, grade="likely" if graded.grade == "certain" else graded.grade)
+    return _by(graded, replace(graded.case, passed=False)) if graded.grade == "certain" else graded
+
+
+def _by(graded: Graded, case: Case) -> Graded:
+    """Return an effect that has not passed by a case that is no better than its own."""
+    likely = min(graded.probability, probability(case))
+    word: Grade = "likely" if likely >= RULES.likely else "possible"
+    return replace(graded, grade=word, probability=likely, case=case)

@@ -6,10 +6,10 @@ beforehand: until such a run replaces them, the probabilities rank suspects and 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-WEIGHTS = (-3.0, 0.35, 1.2, 1.5)
-"""Of one, of the deviations, of the logarithm of the ratio and of the closed share."""
+WEIGHTS = (-3.0, 0.0, 0.35, 1.2, 1.5)
+"""Of one, of having passed, of the deviations, of the logarithm of the ratio and of the closed share."""
 MOST_DEVIATIONS, MOST_LOG_RATIO = 8.0, 4.0
 LEAST_LEFT = 1e-2
 """Smallest residual with an effect, as a part of that without it: a smaller one is no further evidence."""
@@ -23,11 +23,13 @@ class Case:
         deviations: by which the best hypothesis predicts unseen blocks better than everything without the effect.
         log_ratio: of the mean squares above the noise that the best of those and the best hypothesis leave.
         closed: part of the gap's variance above the noise floor that the best hypothesis closes.
+        passed: the effect passed every test of a certain one.
     """
 
     deviations: float
     log_ratio: float
     closed: float
+    passed: bool = False
 
     @classmethod
     def of(cls, deviations: float, rest_um2: float, left_um2: float, closed: float) -> "Case":
@@ -49,15 +51,17 @@ class Case:
     def seen_by_none(self, closed: float) -> "Case":
         """Return the case where reported rows close another part of the gap.
 
-        What is left without an effect is no more than the gap, so neither is the ratio more than the gap's.
+        What is left without an effect is no more than the gap, so neither is the ratio more than the gap's. Then
+        nothing has passed.
         """
         share = min(max(closed, 0.0), self.closed)
-        return replace(self, log_ratio=min(self.log_ratio, -math.log1p(-min(share, 1.0 - LEAST_LEFT))), closed=share)
+        ratio = min(self.log_ratio, -math.log1p(-min(share, 1.0 - LEAST_LEFT)))
+        return Case(self.deviations, ratio, share)
 
     @property
-    def parts(self) -> tuple[float, float, float, float]:
+    def parts(self) -> tuple[float, float, float, float, float]:
         """What the weights belong to."""
-        return 1.0, self.deviations, self.log_ratio, self.closed
+        return 1.0, float(self.passed), self.deviations, self.log_ratio, self.closed
 
 
 def probability(case: Case) -> float:
