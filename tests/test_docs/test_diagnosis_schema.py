@@ -21,6 +21,8 @@ from bender_discrepancy.conclusion.partial import partial_outcome
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.search.judgement.verdict import Word
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.witnesses.missing_columns import TEMPERATURE
+from bender_discrepancy.witnesses.read_back import ELECTRODES, SUPPLY
 from bender_plant.model import load_model
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
@@ -131,6 +133,16 @@ def test_keys_of_the_contract_are_allowed(written: dict[str, Any]) -> None:
     assert VALIDATOR.is_valid(written | more | {"gap": gap})
 
 
+def test_every_column_that_is_asked_for_is_allowed() -> None:
+    column = SCHEMA["properties"]["columns_that_would_tell"]["items"]["properties"]["column"]
+    assert set(column["enum"]) == {SUPPLY, ELECTRODES, TEMPERATURE}
+
+
+def test_every_key_of_an_effect_is_in_the_schema(written: dict[str, Any]) -> None:
+    known = set(SCHEMA["$defs"]["effect"]["properties"])
+    assert all(set(effect) <= known for effect in written["effects"])
+
+
 def test_stages_are_those_of_the_catalogue() -> None:
     assert {effect.stage for effect in EFFECTS.values()} <= set(
         SCHEMA["$defs"]["effect"]["properties"]["stage"]["enum"]
@@ -143,5 +155,6 @@ def test_the_command_writes_what_the_schema_says(tmp_path: Path, capsys: pytest.
     capsys.readouterr()
     result = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert [error.message for error in VALIDATOR.iter_errors(result)] == []
+    assert set(result) <= set(SCHEMA["properties"])
     assert (result["verdict"], [effect["id"] for effect in result["effects"]]) == ("named", ["creep"])
     assert result["recalibrated"]["gain"]["after"] == pytest.approx(0.95, abs=5e-3)
