@@ -44,7 +44,7 @@ from bender_discrepancy.records.initial_motion import moving, started
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s
-from bender_discrepancy.search.full_record import FullRecordCheck, check_on_full_record, verdict_on_full_record
+from bender_discrepancy.search.full_record import FullRecordCheck, check_on_full_record, judged_on_full_record
 from bender_discrepancy.search.judgement.grades import grade, relevant_part
 from bender_discrepancy.search.judgement.rules import MOST_GAIN
 from bender_discrepancy.search.judgement.verdict import decide
@@ -68,7 +68,7 @@ from bender_plant.blocks.periodic_disturbance import ringing_step_s
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
-from bender_report.wording import HALF_WIDTH, listed
+from bender_report.wording import listed
 
 MOST_EFFECTS = 5
 # what an effect of the ringing is sized by in a model that has none
@@ -291,19 +291,20 @@ def conclude(
         # a core is free while the corrected FMU is driven in a process of its own
         visible = beside.submit(smallest_visible, found)
         findings, gap, content = _measured(found, names, tell, box, driver)
-        if found.best.hypothesis.all_parts and (refuted := _refuted(found, gap)):
+        if found.best.hypothesis.all_parts and (why := refuted(found, gap)):
             tell("held-out readings contradict the effects: removing them")
-            found = found.without_effects(refuted)
+            found = found.without_effects(why)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, names, tell, box, driver)
     found = findings.search
     is_certain = any(x.grade == "certain" for x in found.grades.effects)
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
-        share, width = 100.0 * gap.closed[0], 100.0 * HALF_WIDTH * gap.closed[1]
+        share, error = (100.0 * x for x in gap.closed)
         least, effects = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
         close = "closes" if len(found.best.hypothesis.effects) == 1 else "close"
         found = found.without_certainty(
-            f"on held-out readings {effects} {close} {share:.0f} ± {width:.0f} % of the gap, less than {least:.0f} %",
+            f"on held-out readings {effects} {close} {share:.0f} % of the gap (standard error {error:.0f} %), "
+            f"less than {least:.0f} %",
             gap.closed[0],
         )
         findings = with_origin(find(found).closing(gap), names)
@@ -340,13 +341,15 @@ def _measured(
         return findings.closing(gap), gap, fmu.read_bytes()
 
 
-def _refuted(searched: SearchResult, gap: Measured) -> str:
+def refuted(searched: SearchResult, gap: Measured) -> str:
     """Return why held-out readings contradict what was found, "" where they do not."""
     if not gap.is_worse:
         return ""
+    effects = listed(searched.best.hypothesis.effects) or "numbers of its own"
+    less = "as given" if gap.before.rms_um < gap.recalibrated.rms_um else "with calibration alone"
     return (
-        f"with {listed(searched.best.hypothesis.effects)} the model leaves {gap.after.rms_um:.3g} µm rms of readings "
-        f"that no choice saw, with calibration alone {gap.recalibrated.rms_um:.3g} µm"
+        f"with {effects} the model leaves {gap.after.rms_um:.3g} µm rms of readings that no choice saw, "
+        f"{less} {min(gap.before.rms_um, gap.recalibrated.rms_um):.3g} µm"
     )
 
 
@@ -456,7 +459,7 @@ def _searched(
         grades = grade(found, rules)
         verdict = decide(found, grades, rules)
         if on_all is not None:
-            verdict = verdict_on_full_record(verdict, on_all, rules)
+            grades, verdict = judged_on_full_record(grades, verdict, on_all, rules)
         untold = tuple(sorted(untried))
         return SearchResult(
             base if given is searched else given,
@@ -471,6 +474,7 @@ def _searched(
             told.sentences,
             forms,
             immaterial,
+            () if on_all is None else on_all.rows,
         )
 
     kept: list[Searched] = []
@@ -480,7 +484,9 @@ def _searched(
     except KeyboardInterrupt:
         if not kept:
             raise
-        raise Interrupted(concluded(kept[-1])) from None
+        last, archive = kept[-1], kept[-1].archive
+        last = replace(last, base=archive.current(last.base), best=archive.current(last.best))
+        raise Interrupted(concluded(last)) from None
     return concluded(on_all.found if on_all else found, on_all)
 
 

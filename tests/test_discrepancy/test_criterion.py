@@ -296,6 +296,16 @@ def test_chance_is_no_better_than_chance() -> None:
     assert abs(float(np.mean(found))) < 0.2
 
 
+def test_a_noisy_record_does_not_lend_its_ratio_to_the_rows_of_a_quiet_one() -> None:
+    """What takes a little off the noisy record alone, by chance, is no evidence in the quiet one, however long."""
+    quiet, loud = 0.02 * noise(1, 3000), noise(2, 300)
+    counted = tuple(np.ones(x.size, dtype=np.bool_) for x in (quiet, loud))
+    alone = likelihood_deviate((loud,), (1.02 * loud,), counted[1:])
+    assert likelihood_deviate((quiet, loud), (quiet, 1.02 * loud), counted) == pytest.approx(alone)
+    both = likelihood_deviate((quiet, loud), (1.02 * quiet, 1.02 * loud), counted)
+    assert both == pytest.approx(math.hypot(likelihood_deviate((quiet,), (1.02 * quiet,), counted[:1]), alone))
+
+
 def test_rows_that_do_not_count_decide_nothing() -> None:
     counted = np.arange(SCORED) % 4 > 0
     one, other = noise(1), 1.5 * noise(2)
@@ -317,7 +327,7 @@ def test_a_deviate_is_that_of_the_t_test(seed: int, count: int, shift: float) ->
 
 def test_a_case_is_kept_within_what_its_parts_can_tell() -> None:
     assert Case.of(-3.0, 0.0, 0.0, -1.0) == Case(0.0, 0.0, 0.0)
-    assert Case.of(0.5, 2.0, 1.5, 0.25).parts == pytest.approx((1.0, 0.5, math.log(4.0 / 3.0), 0.25))
+    assert Case.of(0.5, 2.0, 1.5, 0.25).parts == pytest.approx((1.0, 0.0, 0.5, math.log(4.0 / 3.0), 0.25))
     assert Case.of(99.0, 1e9, 0.0, 7.0) == Case(8.0, 4.0, 1.0)
     assert Case.of(1.0, 1.0, 2.0, 1.0).log_ratio == 0.0
 

@@ -334,8 +334,12 @@ def test_a_partial_result_has_the_keys_of_a_whole_one_and_its_numbers():
     whole = outcome(findings, _simulated(findings), ["one.csv"])
     assert set(partial) == set(whole) | {"partial", "ranking"}
     assert [x["certain"] for x in whole["effects"]] == [True]
-    assert partial["effects"] == [x | {"certain": False} for x in whole["effects"]]
-    told_differently = {"sentence", "reason", "effects", "model", "fmu", "partial", "ranking"}
+    unsettled = {"certain": False, "grade": "likely"}
+    for one, other in zip(partial["effects"], whole["effects"], strict=True):
+        weighed = other["weighed"] | {"passed": False}
+        assert one == other | unsettled | {"weighed": weighed, "probability": one["probability"]}
+    assert (partial["verdict"], partial["complete"]) == ("likely", False)
+    told_differently = {"sentence", "reason", "effects", "model", "fmu", "partial", "ranking", "verdict", "complete"}
     assert {k: v for k, v in partial.items() if k not in told_differently} == {
         k: v for k, v in whole.items() if k not in told_differently
     }

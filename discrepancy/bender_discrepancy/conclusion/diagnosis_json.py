@@ -16,6 +16,7 @@ from bender_discrepancy.conclusion.notes import (
     excitation_of,
     more_than_noise,
     not_written,
+    row_of_file,
     set_aside,
     warnings,
 )
@@ -271,12 +272,13 @@ def _records(findings: Findings, names: Sequence[str]) -> list[dict[str, Any]]:
     known = distinct_names(names) or [f"record {k + 1}" for k in range(len(search.records))]
     found = []
     searched = search.searched
-    for name, words, aside, rows in zip(known, excitation_of(search), set_aside(search), searched, strict=True):
+    told = zip(known, excitation_of(search), set_aside(search), searched, search.records, strict=True)
+    for name, words, aside, rows, record in told:
         found.append(
             {
                 "name": name,
                 "rows": aside.rows,
-                "searched_rows": [int(rows[0]), int(rows[-1])],
+                "searched_rows": [row_of_file(record, int(rows[k])) for k in (0, -1)],
                 "lost": aside.lost,
                 "outlying": len(aside.outlying),
                 "outlying_rows": list(aside.outlying[:MOST_LISTED]),

@@ -80,7 +80,7 @@ class ReportedEffect:
 
 @dataclass(frozen=True, slots=True)
 class RecalibratedNumber:
-    """Gain or offset of the reading, before and after; `afters` has one value for each record where they differ.
+    """Gain or offset of the reading, before and after; `afters` and `stds` have one of each record where they differ.
 
     Where an effect has a part that a gain has as well, the records leave their shares open (`std` is inf); `alone` says
     whether the model as given had to be recalibrated before any effect was added; `at_end`, whether it is at the end of
@@ -93,13 +93,26 @@ class RecalibratedNumber:
     std: float
     unit: str
     afters: tuple[float, ...] = ()
+    stds: tuple[float, ...] = ()
     alone: bool = False
     at_end: bool = False
 
     @property
     def is_significant(self) -> bool:
-        """Whether it changed by more than the records leave open."""
-        return self.alone if math.isinf(self.std) else abs(self.after - self.before) > SIGNIFICANT * self.std
+        """Whether it changed by more than the records leave open, in one of them."""
+        return self.alone if math.isinf(self.std) else max(self.changes_in_stds) > SIGNIFICANT
+
+    @property
+    def changes_in_stds(self) -> tuple[float, ...]:
+        """By how many of its standard deviations it changed, in every record where these differ."""
+        told = zip(self.afters or (self.after,), self.stds or (self.std,), strict=True)
+        changes = ((abs(x - self.before), std) for x, std in told)
+        return tuple((x / std if std > 0.0 else math.inf if x > 0.0 else 0.0) for x, std in changes)
+
+    @property
+    def most_changed(self) -> int:
+        """The record in which it changed most, where records differ."""
+        return int(np.argmax(self.changes_in_stds))
 
     @property
     def interval_95(self) -> tuple[float, float] | None:
@@ -170,6 +183,11 @@ class Findings:
         """Whether the corrected model has effects, an equation or other numbers, and not another calibration alone."""
         hypothesis = self.search.best.hypothesis
         return bool(self.simulated) or hypothesis.own is not None or hypothesis.equation is not None
+
+    @property
+    def explains_more(self) -> bool:
+        """Whether the gap after is that of the corrected model and of what belongs to the records, which has no FMU."""
+        return not self.is_corrected and bool(self.search.best.hypothesis.parts)
 
     def closing(self, measured: Measured) -> "Findings":
         """Return them with shares of the gap that add up to what the corrected model was measured to close.
@@ -340,7 +358,15 @@ def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Rec
     own = () if len(offsets) == 1 or have_same_zero(search.problem.observations) else offsets
     changed = (
         RecalibratedNumber("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
-        RecalibratedNumber("offset", offset, offsets[record], open_.offsets_um[record], "um", own),
+        RecalibratedNumber(
+            "offset",
+            offset,
+            offsets[record],
+            open_.offsets_um[record],
+            "um",
+            own,
+            stds=tuple(open_.offsets_um) if own else (),
+        ),
     )
     changed += _own_changed(search, open_)
     if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed[:2]):
@@ -382,7 +408,7 @@ def _kept(at_least_one: bool, changed: tuple[RecalibratedNumber, ...]) -> tuple[
     kept = tuple(x for x in changed if x.is_significant)
     if kept or not at_least_one:
         return kept
-    return (max(changed, key=lambda x: abs(x.after - x.before) / x.std if x.std else 0.0),)
+    return (max(changed, key=lambda x: max(y if math.isfinite(y) else 0.0 for y in x.changes_in_stds)),)
 
 
 def _model(

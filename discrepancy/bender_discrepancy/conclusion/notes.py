@@ -9,7 +9,7 @@ from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import residual, share_of_stroke, title_of
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.fitting.own_numbers import DELAY, first_mode_Hz
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
@@ -17,6 +17,7 @@ from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
 from bender_loop.records.end_of_range import ends_of_range
+from bender_loop.records.record import Record
 from bender_report.number import Number
 from bender_report.wording import WHOSE_DELAY, fields, figure, input_word, listed, percent, quantity, with_interval
 
@@ -43,6 +44,11 @@ class SetAside:
     outlying: tuple[int, ...]
 
 
+def row_of_file(record: Record, row: int) -> int:
+    """Return a row of a record as its file counts it: rows that the file lacks have been put in."""
+    return row if record.made_up is None else max(row - int(np.count_nonzero(record.made_up[: row + 1])), 0)
+
+
 def set_aside(search: SearchResult) -> list[SetAside]:
     """Return for every record which readings did not count."""
     found = []
@@ -53,8 +59,8 @@ def set_aside(search: SearchResult) -> list[SetAside]:
         lost -= record.repeats + record.behind_pauses
         seen = np.isfinite(x.measured_um)
         outlying = first + np.flatnonzero((seen & ~x.usable)[first:])
-        outlying -= np.cumsum(made_up)[outlying]
-        found.append(SetAside(len(record) - int(made_up.sum()), lost, tuple(int(row) for row in outlying)))
+        rows = tuple(row_of_file(record, int(row)) for row in outlying)
+        found.append(SetAside(len(record) - int(made_up.sum()), lost, rows))
     return found
 
 
@@ -403,9 +409,9 @@ def _begun(search: SearchResult) -> list[str]:
 def _searched_in_part(search: SearchResult) -> list[str]:
     return [
         f"{_name(search, k)}the search used {x.rows.size} of {x.whole.measured_um.size} rows, spread over lines "
-        f"{x.rows[0] + FIRST_LINE} to {x.rows[-1] + FIRST_LINE}; the gap is measured over all rows"
-        + _but_for(x.after_a_guess)
-        for k, x in enumerate(search.excerpts)
+        f"{row_of_file(record, x.rows[0]) + FIRST_LINE} to {row_of_file(record, x.rows[-1]) + FIRST_LINE}; "
+        "the gap is measured over all rows" + _but_for(x.after_a_guess)
+        for k, (x, record) in enumerate(zip(search.excerpts, search.records, strict=False))
         if not x.is_all
     ]
 
@@ -450,10 +456,11 @@ def not_written(findings: Findings, measured: Measured) -> list[str]:
 def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     """Return a note where an effect is named and more than noise is left beside it."""
     left, floor = measured.after.rms_um, measured.floor_um
-    only_steps = bool(findings.added) and not findings.simulated
+    only_steps = bool(findings.added) and all(x.id == READ_OFF for x in findings.added)
     if findings.verdict != "named" or only_steps or left**2 <= (1.0 + RULES.at_noise) * floor**2:
         return []
-    return [f"the corrected model is close, but not exact: it leaves {residual(measured)}"]
+    beside = " beside what belongs to the record" if findings.explains_more else ""
+    return [f"the corrected model is close, but not exact: it leaves {residual(measured)}{beside}"]
 
 
 def _name(search: SearchResult, record: int) -> str:

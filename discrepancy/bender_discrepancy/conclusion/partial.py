@@ -30,12 +30,12 @@ def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) 
         names: of the records.
         searched: whether the search was complete, so that its verdict stands.
     """
-    findings = find(search)
+    findings = find(search if searched else search.without_certainty(REASON))
     measured = _simulated(findings)
     result = outcome(findings.closing(measured), measured, names)
     if not searched:
         unsettled = [x | {"certain": False} for x in result["effects"]]
-        result |= {"sentence": _sentence(search), "reason": REASON, "effects": unsettled}
+        result |= {"sentence": _sentence(search), "reason": REASON, "effects": unsettled, "complete": False}
     return {"partial": True} | result | {"model": None, "fmu": None, "ranking": ranking(search)}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice
 from bender_discrepancy.conclusion.contenders import Contender
-from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, ReportedEffect
+from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
@@ -16,6 +16,8 @@ from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.settings import Settings
 from bender_report.wording import chance, figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
+OF_THE_RECORD = " with what belongs to the record"
+"""Drift, hum and ageing, which the corrected model is not given."""
 _DIRECTIONS = {
     ("direction", 1.0): "while the {} rises",
     ("direction", -1.0): "while the {} falls",
@@ -63,7 +65,7 @@ def headline(findings: Findings, measured: Measured) -> str:
         then = "; the corrected model describes it by an equation" if has_equation else ""
         return f"The model lacks something that no effect of the catalogue explains{known}{then}."
     if findings.verdict == "recalibrated":
-        changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
+        changes = [_recalibrated(x) for x in findings.recalibrated]
         own = any(x.name not in ("gain", "offset") for x in findings.recalibrated)
         off = "numbers of the model were off" if own else "only the reading was off"
         return f"Nothing is missing, {'but ' if own else ''}{off}: {listed(changes)}."
@@ -121,7 +123,8 @@ def reason(findings: Findings, measured: Measured) -> str:
     if findings.complete or findings.verdict in ("ambiguous", "likely"):
         return why
     # what was not corrected is the recalibrated model
-    told = measured if findings.is_corrected else replace(measured, after=measured.recalibrated)
+    as_after = findings.is_corrected or findings.explains_more
+    told = measured if as_after else replace(measured, after=measured.recalibrated)
     return f"{why}; on held-out readings the residual is {residual(told)}"
 
 
@@ -141,6 +144,13 @@ def _ambiguity(findings: Findings, own: str, others: str) -> str:
     return f"Missing from the model: {certain}. Beside {beside}, these records cannot tell {own} from {others}."
 
 
+def _recalibrated(x: RecalibratedNumber) -> str:
+    """Return what became of a number, in the record where it changed most."""
+    after = x.afters[x.most_changed] if x.afters else x.after
+    where = f" in record {x.most_changed + 1}" if x.afters else ""
+    return f"the {x.name} is {_change(x.before, after, x.unit)}{where}"
+
+
 def _change(before: float, after: float, unit: str) -> str:
     digits = next((n for n in _DIGITS if quantity(after, unit, n) != quantity(before, unit, n)), _DIGITS[-1])
     return f"{quantity(after, unit, digits)} instead of {quantity(before, unit, digits)}"
@@ -152,7 +162,7 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
     floor = f"the noise floor is {quantity(measured.floor_um, 'um')}"
     if findings.verdict == "no_gap":
         return f"On held-out readings they differ by {quantity(before, 'um')} rms; {floor}."
-    if findings.simulated or findings.search.best.hypothesis.equation is not None:
+    if findings.simulated or findings.search.best.hypothesis.equation is not None or findings.explains_more:
         start = f"the gap falls from {quantity(alone, 'um')} rms, gain and offset recalibrated,"
     elif findings.verdict == "recalibrated":
         start = f"the gap falls from {quantity(before, 'um')} rms"
@@ -161,9 +171,10 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
         return f"On held-out readings they differ by {quantity(after, 'um')} rms; rounding explains {steps} of it."
     else:
         return f"On held-out readings a gap of {quantity(alone, 'um')} rms remains; {floor}."
-    closed = measured.closes if findings.is_corrected else None
+    closed = measured.closes if findings.is_corrected or findings.explains_more else None
     told = "" if closed is None else f". {percent(closed)} of the gap is closed"
-    return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}{told}."
+    beside = OF_THE_RECORD if findings.explains_more else ""
+    return f"On held-out readings {start} to {quantity(after, 'um')}{beside}; {floor}{told}."
 
 
 def evidence(findings: Findings, effect: ReportedEffect) -> str:
@@ -227,13 +238,6 @@ def _beside(contender: Contender, decides: float) -> str:
         return f"the evidence between {contender.rival_of} and it is {between}; {figure(decides, 2)} would decide"
     if first.reach in _REACHES:
         return _REACHES[first.reach].format(first.id)
-    if first.difference < 0.0:
-        return f"{first.id} in its place fitted better before the other effects were added"
-    if first.difference < decides:
-        return (
-            f"{first.id} in its place is not ruled out (evidence {figure(first.difference)}; "
-            f"{figure(decides, 2)} would decide)"
-        )
     if first.reach == "as large":
         return (
             f"{first.id} in its place would leave less than twice as much above the noise in the readings that choose"

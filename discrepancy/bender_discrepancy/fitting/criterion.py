@@ -46,7 +46,6 @@ class Yardstick:
         tried: starts, among which the luckiest was picked.
         confidence: that no noise is taken for an effect.
         filters: of every record, through which residuals are compared; none where they are as they stand.
-        judging: of every record, its rows of choices.
     """
 
     rows: int
@@ -54,7 +53,6 @@ class Yardstick:
     tried: int = 300
     confidence: float = CONFIDENCE
     filters: tuple[Whitening, ...] = ()
-    judging: tuple[Mask, ...] = ()
 
     @property
     def threshold(self) -> float:
@@ -91,7 +89,7 @@ def yardstick(problem: FitProblem, fitted: Fitted, tried: int, confidence: float
         innovations = filters[-1].innovations(residual)
         rows += innovations.size
         effective += innovations.size / autocorrelation_time(innovations, np.ones(innovations.size, dtype=np.bool_))
-    return Yardstick(rows, effective, tried, confidence, tuple(filters), tuple(x.judging for x in problem.observations))
+    return Yardstick(rows, effective, tried, confidence, tuple(filters))
 
 
 def innovations_square(fitted: Fitted, by: Yardstick) -> float:

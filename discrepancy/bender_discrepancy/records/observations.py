@@ -17,6 +17,7 @@ from bender_discrepancy.records.excitation import one_sine
 from bender_discrepancy.records.roles import held_out_and_reported
 from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.record import Record
+from bender_loop.records.telling_rows import Rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -78,6 +79,12 @@ class Observations:
         """Return simulated readings (n,) as a sensor with so coarse steps gives them."""
         lacking = 0.0 if self.lacking_um is None else self.lacking_um
         return step_um * np.round((simulated_um + lacking) / step_um) - lacking
+
+    def fitted_on(self, rows: Rows) -> "Observations":
+        """Return the observations with some rows that are not reported on, because a fit used them."""
+        reported = self.reported.copy()
+        reported[rows] = False
+        return replace(self, reported=reported)
 
     def beyond(self, residual: Array) -> Array:
         """Return how far the residual lies outside of what a coarse reading allows."""

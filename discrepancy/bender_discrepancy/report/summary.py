@@ -8,7 +8,7 @@ from typing import Any
 from bender_discrepancy.conclusion.diagnosis_json import SPARSE_EQUATION
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.sentences import range_sentence, share_words
+from bender_discrepancy.conclusion.sentences import OF_THE_RECORD, range_sentence, share_words
 from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
@@ -38,7 +38,7 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     if findings.verdict in ("likely", "ambiguous", "unexplained"):
         yield from _line("because", result["reason"])
     yield from _line("gap", _gap(findings, measured))
-    if findings.is_corrected and measured.closes is not None:
+    if (findings.is_corrected or findings.explains_more) and measured.closes is not None:
         yield from _line("closed", _closed(measured))
     volts, confidence = driven_V(findings), findings.search.settings.confidence
     # behind the effects stands an equation without a name, where there is one: the lead says it
@@ -114,11 +114,11 @@ def _gap(findings: Findings, measured: Measured) -> str:
         f"{quantity(measured.before.rms_um, 'um')} as given",
         f"{figure(measured.recalibrated.rms_um)} recalibrated",
     ]
-    if findings.is_corrected:
-        stages.append(f"{figure(measured.after.rms_um)} corrected")
     whole = f"{figure(measured.recalibrated.all_rms_um)} recalibrated"
-    if findings.is_corrected:
-        whole += f", {figure(measured.after.all_rms_um)} corrected"
+    if findings.is_corrected or findings.explains_more:
+        with_what = OF_THE_RECORD if findings.explains_more else " corrected"
+        stages.append(f"{figure(measured.after.rms_um)}{with_what}")
+        whole += f", {figure(measured.after.all_rms_um)}{with_what}"
     seen = f"rms on held-out readings; over all readings {whole}"
     return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
 

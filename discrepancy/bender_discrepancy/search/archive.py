@@ -158,6 +158,11 @@ class Archive:
             if effect not in x.hypothesis.effects and effect not in names_of(x.hypothesis.own):
                 yield x
 
+    def current(self, fitted: Fitted) -> Fitted:
+        """Return a fit as it counts now: readings may have been set aside since."""
+        same = next((x for x in self.fits if x.hypothesis is fitted.hypothesis), None)
+        return same or self.add([recounted(fitted, self.problem)])[0]
+
     def set_aside(self, leader: Fitted) -> Fitted:
         """Set isolated readings aside by what a leader leaves, count everything anew, and return that leader.
 

@@ -4,6 +4,7 @@ What is slow beside an excerpt (drift, ageing) is fitted anew on readings spread
 structure there is not named.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -20,10 +21,12 @@ from bender_discrepancy.records.observations import Array, Observations, Part
 from bender_discrepancy.records.outliers import EXCEPTIONS
 from bender_discrepancy.records.roles import held_out_and_reported
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.judgement.grades import Grades, contradicted
 from bender_discrepancy.search.judgement.rules import Rules
-from bender_discrepancy.search.judgement.verdict import Verdict
-from bender_discrepancy.search.noise import floor_square_um2
+from bender_discrepancy.search.judgement.verdict import PARTLY, Verdict
+from bender_discrepancy.search.noise import floor_square_um2, square_on
 from bender_discrepancy.search.search import Searched
+from bender_loop.records.telling_rows import Rows
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 
@@ -50,12 +53,14 @@ class FullRecordCheck:
         gap_um: rms of what the model as given leaves, recalibrated.
         left_um: rms of the residual in the end.
         lead: a slow effect that would leave less on the whole, and the rms that it would leave in um.
+        rows: of every record, those from all over it that numbers and verdict were fitted to; none where they were not.
     """
 
     found: Searched
     gap_um: float
     left_um: float
     lead: tuple[str, float] | None = None
+    rows: tuple[Rows, ...] = ()
 
 
 def check_on_full_record(parts: Sequence[Excerpt], found: Searched, slow: Sequence[Form]) -> FullRecordCheck | None:
@@ -77,7 +82,8 @@ def check_on_full_record(parts: Sequence[Excerpt], found: Searched, slow: Sequen
         return None
     rows = zip(whole.observations, given.residuals, strict=True)
     whole = whole.observing([_without_strays(x, r) for x, r in rows])
-    gap, left, little = _left_um(whole, base), _left_um(whole, given), BUDGET.nearly_done * noise_um
+    gap, left = _left_um(whole, base), _left_um(whole, given)
+    little = BUDGET.nearly_done * math.sqrt(floor_square_um2(whole, noise_um))
     if left <= little:
         return FullRecordCheck(found, gap, left)
     sized = _sized(found.best.hypothesis, slow)
@@ -87,7 +93,14 @@ def check_on_full_record(parts: Sequence[Excerpt], found: Searched, slow: Sequen
         better = replace(again, covariance=refitted.covariance)
         found.archive.add([better])
         found, left = replace(found, best=better), _left_um(whole, refitted)
-    return FullRecordCheck(found, gap, left, None if left <= little else _lead(whole, found.best.hypothesis, slow))
+    lead = None if left <= little else _lead(whole, found.best.hypothesis, slow)
+    return FullRecordCheck(found, gap, left, lead, tuple(_rows(x) for x in whole.observations))
+
+
+def _rows(x: Observations) -> Rows:
+    """Return the rows of a whole record that some readings from all over it are."""
+    assert x.part is not None
+    return x.part.rows
 
 
 def _sized(hypothesis: Hypothesis, slow: Sequence[Form]) -> Hypothesis:
@@ -107,20 +120,24 @@ def _lead(whole: FitProblem, hypothesis: Hypothesis, slow: Sequence[Form]) -> tu
     return min(found, key=lambda x: x[1], default=None)
 
 
-def verdict_on_full_record(verdict: Verdict, held: FullRecordCheck, rules: Rules) -> Verdict:
-    """Return the verdict on excerpts, taken back where structure is left on the whole that they do not show."""
+def judged_on_full_record(
+    grades: Grades, verdict: Verdict, held: FullRecordCheck, rules: Rules
+) -> tuple[Grades, Verdict]:
+    """Return what is said of excerpts, taken back where structure is left on the whole that they do not show."""
     archive = held.found.archive
     floor = floor_square_um2(archive.problem, archive.noise_um)
     left, gap = (max(x**2 - floor, 0.0) for x in (held.left_um, held.gap_um))
     if verdict.word not in TAKEN_BACK or left <= rules.at_noise * floor:
-        return verdict
-    if held.found.best.hypothesis.parts and left <= (1.0 - rules.closes) * gap:
-        return replace(verdict, complete=False)
+        return grades, verdict
+    if grades.effects and left <= (1.0 - rules.closes) * gap:
+        return grades, Verdict(verdict.word, PARTLY, complete=False)
     reason = "over the whole records the residual has structure that does not show in the rows that were searched"
     if held.lead and held.lead[1] < TELLING * held.left_um:
         part = 1.0 - held.lead[1] / held.left_um
         reason += f"; {held.lead[0]} over the whole record would remove {100.0 * part:.0f} % off it"
-    return Verdict("likely" if held.found.best.hypothesis.parts else "unexplained", reason, complete=False)
+    closed = 1.0 - left / gap if gap > 0.0 else 0.0
+    lowered = replace(grades, effects=tuple(contradicted(x, closed) for x in grades.effects))
+    return lowered, Verdict("likely" if grades.effects else "unexplained", reason, complete=False)
 
 
 def _is_affordable(problem: FitProblem, parts: Sequence[Excerpt], fitted: Fitted) -> bool:
@@ -136,7 +153,8 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
     """Return readings from all over a record, under every command of it."""
     x = excerpt.judged(seen)
     rows = np.flatnonzero(x.usable)
-    rows = rows[np.linspace(0, rows.size - 1, min(rows.size, MOST_READINGS)).astype(int)]
+    # the others are left to be reported on
+    rows = rows[np.linspace(0, rows.size - 1, min(rows.size // 2, MOST_READINGS)).astype(int)]
     drive = replace(x.drive, row_time_s=x.time_s[rows])
     usable = np.ones(rows.size, dtype=np.bool_)
     roles = held_out_and_reported(usable, x.command_V[rows])
@@ -159,5 +177,4 @@ def _without_strays(x: Observations, residual: Array) -> Observations:
 
 
 def _left_um(problem: FitProblem, fitted: Fitted) -> float:
-    left = np.concatenate([r[x.usable] for r, x in zip(fitted.residuals, problem.observations, strict=True)])
-    return float(np.sqrt(np.mean(np.square(left))))
+    return math.sqrt(square_on(problem, fitted, [x.usable for x in problem.observations]))

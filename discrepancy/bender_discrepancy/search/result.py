@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Doubt, Grades, contradicted, doubted, grade
+from bender_discrepancy.search.judgement.grades import Doubt, Grades, at_most_likely, contradicted, doubted, grade
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.search.search import Searched
@@ -45,6 +45,7 @@ class SearchResult:
         witnesses: what the other channels of the records exclude.
         candidates: the forms that were sought.
         immaterial: effects that were found, but that nobody would miss (`Rules.relevant`).
+        seen_on_all: of every record, rows from all over it that numbers were fitted to as well; none where none were.
     """
 
     base: Model
@@ -59,6 +60,7 @@ class SearchResult:
     witnesses: tuple[str, ...] = ()
     candidates: tuple[Form, ...] = ()
     immaterial: tuple[str, ...] = ()
+    seen_on_all: tuple[Rows, ...] = ()
 
     @property
     def rules(self) -> Rules:
@@ -88,18 +90,29 @@ class SearchResult:
 
     @property
     def whole(self) -> tuple[Observations, ...]:
-        """The records, all of their rows: those that were not searched are held out."""
+        """The records, all of their rows: those that no fit used are held out."""
         seen = self.problem.observations
-        return tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True)) if self.excerpts else seen
+        if not self.excerpts:
+            return seen
+        whole = tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True))
+        return (
+            tuple(x.fitted_on(y) for x, y in zip(whole, self.seen_on_all, strict=True)) if self.seen_on_all else whole
+        )
 
     def with_search(self, found: Searched, judged: Callable[[Verdict], Verdict] = lambda x: x) -> "SearchResult":
         """Return the result with something else found, graded anew."""
         grades = grade(found, self.rules)
         return replace(self, found=found, grades=grades, verdict=judged(decide(found, grades, self.rules)))
 
-    def without_certainty(self, reason: str, closed: float) -> "SearchResult":
-        """Return the result with none of its effects certain, why, and what part of the gap unseen rows close."""
-        effects = tuple(contradicted(x, closed) for x in self.grades.effects)
+    def without_certainty(self, reason: str, closed: float | None = None) -> "SearchResult":
+        """Return the result with none of its effects certain, and why.
+
+        Args:
+            reason: in one sentence.
+            closed: part of the gap that unseen rows close; None where they contradict nothing.
+        """
+        lowered = (at_most_likely(x) if closed is None else contradicted(x, closed) for x in self.grades.effects)
+        effects = tuple(lowered)
         word = "likely" if self.verdict.word == "named" else self.verdict.word
         verdict = Verdict(word, reason, complete=False)
         return replace(self, grades=replace(self.grades, effects=effects), verdict=verdict)

@@ -31,10 +31,11 @@ def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
     square, bare = transfer_square(archive.problem, best), archive.bare(best.hypothesis.structure) or archive.fits[0]
     most = rules.complexity(archive, best)
     if best.hypothesis.parts and square > transfer_square(archive.problem, bare):
-        leaders = [bare, *_leaders(archive, rules, most)]
+        leaders = [x for x in (bare, *_leaders(archive, rules, most)) if x.hypothesis.keeps_shown_of(best.hypothesis)]
+        leaders = leaders or [best]
         return min(leaders, key=lambda x: archive.square(x) + transfer_square(archive.problem, x))
     finalists = [best]
-    for x in archive.by_fit():
+    for x in (y for y in archive.by_fit() if y.hypothesis.keeps_shown_of(best.hypothesis)):
         if len(finalists) > BUDGET.finalists:
             break
         if rules.complexity(archive, x) > most:

@@ -212,7 +212,7 @@ def _calibration_predicts(search: SearchResult, given: list[Array]) -> bool:
         return True
     observed = search.problem.observations
     counted = [x.searched for x in observed]
-    left = [np.where(m, x.measured_um - y, 0.0) for x, y, m in zip(observed, given, counted, strict=True)]
+    left = [np.where(m, x.beyond(x.measured_um - y), 0.0) for x, y, m in zip(observed, given, counted, strict=True)]
     return difference(predicted, left, counted).deviations > search.rules.standard_errors
 
 

@@ -15,13 +15,14 @@ import numpy as np
 from scipy.special import ndtri
 
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.blocked import least_beside_a_block
 from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.fitting.uncertainty import uncertainty
-from bender_discrepancy.records.observations import hardly_steps, only_one_sine, turns_plays
-from bender_discrepancy.search.archive import Archive
+from bender_discrepancy.records.observations import Array, hardly_steps, only_one_sine, turns_plays
+from bender_discrepancy.search.archive import Archive, left_square
 from bender_discrepancy.search.judgement.probability import Case, probability
 from bender_discrepancy.search.judgement.rules import (
     RULES,
@@ -30,7 +31,7 @@ from bender_discrepancy.search.judgement.rules import (
     ended_without_answer,
     is_special_case,
 )
-from bender_discrepancy.search.noise import floor_limit, floor_square_um2, residual_square_um2
+from bender_discrepancy.search.noise import floor_limit
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -139,10 +140,11 @@ def grade(searched: Searched, rules: Rules) -> Grades:
     )
     commuting = _commute(archive, best, by, rules)
     if sine or commuting:
-        found = tuple(x if not _is_touched(best, x, sine) else _at_most_likely(x) for x in found)
+        found = tuple(x if not _is_touched(best, x, sine) else at_most_likely(x) for x in found)
     if steps:
-        even = (replace(_at_most_likely(x), probability=min(x.probability, rules.likely)) for x in found)
-        found = tuple(x if EFFECTS[x.id].superposes else y for x, y in zip(found, even, strict=True))
+        even = (replace(at_most_likely(x), probability=min(x.probability, rules.likely)) for x in found)
+        stands = (EFFECTS[x.id].superposes or best.hypothesis.parts[x.index].form.shown for x in found)
+        found = tuple(x if z else y for x, y, z in zip(found, even, stands, strict=True))
     return Grades(found, complete, closed, sine, commuting, by)
 
 
@@ -174,7 +176,10 @@ def _is_shown_once(archive: Archive, rules: Rules, without: Fitted, best: Fitted
     best one leaves of all. What happens once may be an accident, and many a form can stand in for it.
     """
     problem = archive.problem
-    least = max(floor_square_um2(problem, archive.noise_um), residual_square_um2(problem, best))
+    least = left_square(best) / max(problem.all_rows, 1)
+    if all(x.half_step_um == 0.0 for x in problem.observations):
+        # of coarse readings only what lies beyond their steps is left, of the noise too
+        least = max(archive.noise_um**2, least)
     return least_beside_a_block(problem, without) <= floor_limit(problem, rules.confidence, judged=False) * least
 
 
@@ -265,8 +270,7 @@ def _strongest(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
 def _is_determined(archive: Archive, best: Fitted, index: int) -> bool:
     """Return whether the numbers of an effect say that it is this one.
 
-    They do not where the 95 % interval of one of them holds an end of its range that is no answer, nor where several
-    make up for one another until none of them is told: then the records determine a response that other forms have too.
+    Where records have numbers of their own, those of one of them are enough: another one may have none of the effect.
     """
     parts = best.hypothesis.parts
     part, first = parts[index], sum(len(x.values) for x in parts[:index])
@@ -275,8 +279,19 @@ def _is_determined(archive: Archive, best: Fitted, index: int) -> bool:
     if len(part.values) == 1 and not part.form.free[0].no_answer_at:
         return True
     variances = np.diag(uncertainty(archive.problem, best).coordinates)[first : first + len(part.values)]
+    size = len(part.values) // part.form.records
+    sets = [slice(k * size, (k + 1) * size) for k in range(part.form.records)]
+    return any(_are_told(part.form.free[x], part.values[x], variances[x]) for x in sets)
+
+
+def _are_told(numbers: Sequence[Free], values: Sequence[float], variances: Array) -> bool:
+    """Return whether numbers say that an effect is this one.
+
+    They do not where the 95 % interval of one of them holds an end of its range that is no answer, nor where several
+    make up for one another until none of them is told: then the records determine a response that other forms have too.
+    """
     are_open = []
-    for free, value, variance in zip(part.form.free, part.values, variances, strict=True):
+    for free, value, variance in zip(numbers, values, variances, strict=True):
         deviation = math.sqrt(max(float(variance), 0.0)) if np.isfinite(variance) else math.inf
         are_open.append(deviation > (1.0 if free.log else abs(free.inward(value))))
         ends = (free.low, free.high)
@@ -396,8 +411,9 @@ def _commute(archive: Archive, best: Fitted, by: Yardstick, rules: Rules) -> boo
 
 
 def _is_touched(best: Fitted, graded: Graded, one_sine: bool) -> bool:
-    part = best.hypothesis.parts[graded.index]
-    return part.form.memory if one_sine else bool(EFFECTS[graded.id].same_on_other_side)
+    form = best.hypothesis.parts[graded.index].form
+    touched = form.memory if one_sine else bool(EFFECTS[graded.id].same_on_other_side)
+    return touched and not form.shown
 
 
 def contradicted(graded: Graded, closed: float) -> Graded:
@@ -412,10 +428,11 @@ def contradicted(graded: Graded, closed: float) -> Graded:
 
 def doubted(graded: Graded, doubt: Doubt) -> Graded:
     """Return an effect of which the final numbers leave open whether it is there: it is not certain."""
-    return replace(_at_most_likely(graded), doubt=doubt)
+    return replace(at_most_likely(graded), doubt=doubt)
 
 
-def _at_most_likely(graded: Graded) -> Graded:
+def at_most_likely(graded: Graded) -> Graded:
+    """Return an effect that is not certain, whatever it was."""
     return _by(graded, replace(graded.case, passed=False)) if graded.grade == "certain" else graded
 
 

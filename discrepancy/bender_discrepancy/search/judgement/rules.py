@@ -79,10 +79,6 @@ class Rules:
         """Difference of the information criterion between two given hypotheses that decides."""
         return very_strong(self.confidence)
 
-    def gap_um2(self, archive: Archive, base: Fitted) -> float:
-        """Return the mean square above the floor that the recalibrated model leaves."""
-        return above_floor_um2(archive, base)
-
     def closed_share(self, archive: Archive, base: Fitted, fitted: Fitted) -> float:
         """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1."""
         gap = above_floor_um2(archive, base)
@@ -208,8 +204,10 @@ def is_special_case(one: Hypothesis, other: Hypothesis) -> bool:
 
 
 def ended_without_answer(part: Part) -> bool:
-    """Return whether a number of an effect ended where it is no answer."""
-    return any(x.ends_without_answer(v) for x, v in zip(part.form.free, part.values, strict=True))
+    """Return whether a number of an effect ended where it is no answer, in every record where these differ."""
+    ended = [x.ends_without_answer(v) for x, v in zip(part.form.free, part.values, strict=True)]
+    size = len(ended) // part.form.records
+    return all(any(ended[k * size : (k + 1) * size]) for k in range(part.form.records))
 
 
 def above_floor_um2(archive: Archive, fitted: Fitted) -> float:

@@ -5,8 +5,8 @@ squared errors is summed over stretches that are long beside its correlation, an
 error over stretches (Diebold and Mariano 1995, doi:10.1080/07350015.1995.10524599; batch means, Schmeiser 1982,
 doi:10.1287/opre.30.3.556). A block in which both predict badly makes that error as large as the difference, so
 the logarithms of whole blocks are tested as well. What shows in few places is as telling as what shows everywhere
-where errors are Gaussian: the likelihood ratio of as many independent ones as their correlation leaves counts too. The
-clearest of the three decides.
+where errors are Gaussian: the likelihood ratio of as many independent ones as their correlation leaves counts too. Of
+the three, the one that is most favourable to the first hypothesis decides.
 """
 
 import math
@@ -65,15 +65,15 @@ def log_deviate(better: Array, worse: Array) -> float:
 def likelihood_deviate(better: Sequence[Array], worse: Sequence[Array], counted: Sequence[Mask]) -> float:
     """Return the deviate of the likelihood ratio, the errors of the better one taken as Gaussian noise.
 
-    They count as so many independent ones as their correlation leaves; arguments as of `difference`.
+    They count as so many independent ones as their correlation leaves, and every record has a noise of its own;
+    arguments as of `difference`.
     """
-    own = sum(float(np.sum(a[m] ** 2)) for a, m in zip(better, counted, strict=True))
-    other = sum(float(np.sum(b[m] ** 2)) for b, m in zip(worse, counted, strict=True))
-    independent = sum(
-        float(m.sum()) / autocorrelation_time(a, m) for a, m in zip(better, counted, strict=True) if m.any()
-    )
-    logarithm = math.log(max(other, 1e-300) / max(own, 1e-300))
-    return math.copysign(math.sqrt(independent * abs(logarithm)), logarithm)
+    ratio = 0.0
+    for a, b, m in zip(better, worse, counted, strict=True):
+        if m.any():
+            own, other = (max(float(np.sum(x[m] ** 2)), 1e-300) for x in (a, b))
+            ratio += float(m.sum()) / autocorrelation_time(a, m) * math.log(other / own)
+    return math.copysign(math.sqrt(abs(ratio)), ratio)
 
 
 def normal_deviate(gains: Array) -> float:

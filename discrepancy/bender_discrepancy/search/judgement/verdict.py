@@ -14,6 +14,7 @@ from bender_report.wording import listed
 
 Word = Literal["named", "likely", "ambiguous", "unexplained", "recalibrated", "no_gap"]
 
+PARTLY = "every effect passed its tests; a part of the residual above the noise stays unexplained"
 DOUBTS: dict[Doubt, str] = {
     "size": "the 95 % interval of the size of {} includes zero effect",
     "share": "{} closes next to nothing of the gap in the mean over all orders of adding",
@@ -52,9 +53,7 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
     if all(x.grade == "certain" for x in grades.effects):
         if complete:
             return Verdict("named", "every effect passed its tests, and the residual is at the noise floor")
-        return Verdict(
-            "named", "every effect passed its tests; a part of the residual above the noise stays unexplained", False
-        )
+        return Verdict("named", PARTLY, complete=False)
     rivals = list(dict.fromkeys(y.id for x in grades.effects for y in x.near_rivals))
     leading = max(grades.effects, key=lambda x: x.probability)
     if complete and rivals:
