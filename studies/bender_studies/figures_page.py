@@ -14,6 +14,8 @@ _UNQUOTED = re.compile(r"\s--(?:write-docs|out|log)(?:[= ](?!-)\S+)?|\s--(?:quie
 def write_figures(run: Run, name: str, folder: Path) -> Path:
     """Put the tables of a run on the page of its benchmark, in place of those of the same command line.
 
+    Tables of single cases stay in the terminal and in the JSON.
+
     Args:
         run: the run that has printed them.
         name: of the benchmark.
@@ -22,7 +24,7 @@ def write_figures(run: Run, name: str, folder: Path) -> Path:
     path = prepare_directory(folder) / f"{name}.md"
     sections = _sections(path.read_text(encoding="utf-8")) if path.is_file() else {}
     command = _UNQUOTED.sub("", run.command)
-    sections[command] = "\n\n".join([_measured(run), *map(_markdown, run.tables)])
+    sections[command] = "\n\n".join([_measured(run), *(_markdown(x) for x in run.tables if not x.of_cases)])
     text = "\n\n".join(f"## `{heading}`\n\n{body}" for heading, body in sections.items())
     write_atomically(path, f"# `bender benchmark {name}`\n\n{text}\n")
     return path

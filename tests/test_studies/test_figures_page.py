@@ -8,6 +8,7 @@ from bender_studies.figures_page import write_figures
 def printed(command: str, found: float) -> Run:
     with running(Run(command, quiet=True)) as run:
         print_table("What it costs", ("measured", "found"), [["a|b", found]])
+        print_table("Every case", ("case", "found"), [["case-1", found]], of_cases=True)
     return run
 
 
@@ -21,3 +22,4 @@ def test_a_command_line_has_one_section_and_the_others_stay(tmp_path: Path):
     assert text.count("## `bender benchmark x --seeds 1`") == text.count("## `bender benchmark x`") == 1
     assert ("1.5" in text, "2.5" in text, "3.5" in text) == (False, True, True)
     assert r"| a\|b | 3.5 |" in text
+    assert "case-1" not in text

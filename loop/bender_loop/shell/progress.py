@@ -187,6 +187,7 @@ def print_table(
     stream: TextIO | None = None,
     *,
     of_sentences: bool = False,
+    of_cases: bool = False,
 ) -> None:
     """Print a table: drawn on a terminal, aligned plain text elsewhere.
 
@@ -199,6 +200,7 @@ def print_table(
         rows: a cell for each column.
         stream: where to, the standard output unless given.
         of_sentences: cells hold sentences, which are broken into lines where the table is wider than the terminal.
+        of_cases: each row is one of many cases, which a page of figures sums up.
 
     Raises:
         ValueError: a row has not as many cells as there are columns.
@@ -211,7 +213,7 @@ def print_table(
     texts = [[_cell(value) for value in row] for row in rows]
     right = [any(isinstance(row[k], Real) for row in rows) for k in range(len(columns))]
     if (run := current()) is not None:
-        run.tables.append(Table(title, columns, texts, right))
+        run.tables.append(Table(title, columns, texts, right, of_cases))
     if is_rich(target):
         _print_rich(title, columns, texts, right, target)
     else:

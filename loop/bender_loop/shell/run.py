@@ -30,12 +30,14 @@ class Table:
         columns: (k,) their names.
         rows: (n, k) cells as they were printed.
         right: (k,) whether a column holds numbers.
+        of_cases: each row is one of many cases, which a page of figures leaves out.
     """
 
     title: str
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     right: Sequence[bool]
+    of_cases: bool = False
 
 
 @dataclass(slots=True)

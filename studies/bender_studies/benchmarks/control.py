@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     known = kept | {x.id: x for x in new}
     found = [known[x.id] for x in benches if x.id in known]
     if found:
-        print_table("Hidden benches in a loop", figures.COLUMNS, figures.rows(found))
+        print_table("Hidden benches in a loop", figures.COLUMNS, figures.rows(found), of_cases=True)
         print_table("What was asked, over all of them", figures.CLAIMS, figures.claims(found))
         sys.stdout.writelines(f"{x.id}: {x.error}\n" for x in found if x.error)
         sys.stdout.write(f"written: {path}\n")
@@ -116,7 +116,7 @@ def _learn(arguments: argparse.Namespace) -> int:
     benches = islice(learned.cases(arguments.first_seed), arguments.learn)
     learnt = learned.learn_on(benches, learned.PASSES, arguments.evaluations)
     found, status = collected(learnt, "benches that learn", lambda x: " + ".join(x.truth), 2 * arguments.learn)
-    print_table("A scan of 1 Hz, learned", learned.COLUMNS, learned.rows(found))
+    print_table("A scan of 1 Hz, learned", learned.COLUMNS, learned.rows(found), of_cases=True)
     print_table("What was asked of learning", figures.CLAIMS, [list(x) for x in learned.claims(found)])
     return status
 
