@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from reported_diagnosis import levels, record_of, told
 
 from bender_discrepancy.records.command_lines import command_lines_Hz
+from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.records.roles import (
     APART,
@@ -155,3 +157,24 @@ def test_levels_and_noise_have_no_lines(seed: int, rows: int, dwell: int) -> Non
 @pytest.mark.parametrize("command", [np.zeros(300), np.full(300, 4.0), np.arange(20.0)])
 def test_what_hardly_moves_or_is_short_has_no_lines(command: np.ndarray) -> None:
     assert command_lines_Hz(np.arange(command.size) / 30.0, command) == ()
+
+
+def test_readings_that_are_set_aside_leave_the_others_in_their_folds() -> None:
+    record = record_of(voltage_V=levels(2000 / 30.0))
+    seen = observe(record)
+    stray = np.arange(seen.usable.size) < 40
+    kept = seen.without(stray)
+    assert np.array_equal(kept.folds, seen.folds)
+    assert len(np.unique(kept.folds[kept.reporting])) == REPORTED
+    # cut again, they would fall apart into halves
+    assert len(np.unique(folds_of(kept.usable)[kept.reporting])) > REPORTED
+
+
+def test_every_block_of_a_prediction_has_the_rows_that_count() -> None:
+    record = record_of()
+    search = told([record])
+    found = search.archive.prediction(search.best)
+    assert found is not None
+    assert found.rows.sum() == search.problem.all_rows
+    assert found.blocks.size == found.rows.size == BLOCKS - REPORTED
+    assert found.blocks.sum() == pytest.approx(found.square)

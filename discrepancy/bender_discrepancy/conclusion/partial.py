@@ -84,7 +84,7 @@ def _simulated(findings: Findings) -> Measured:
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     is_corrected = findings.model is not search.base
     alone, corrected_left = ([x - y for x, y in zip(measured, z, strict=True)] for z in (recalibrated, after))
-    closed = closed_part(alone, corrected_left, judged, floor)
+    closed = closed_part(alone, corrected_left, observations, floor)
     return Measured(
         before, alone_left, left, floor, given, recalibrated, after,
         judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, closed=closed,

@@ -20,7 +20,6 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.standing import within
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array
-from bender_discrepancy.records.roles import folds_of
 
 # standard errors by which a gain must exceed nought: the one-standard-error rule (Breiman and others 1984)
 ERRORS = 1.0
@@ -91,7 +90,7 @@ def _blocks(problem: FitProblem, fitted: Fitted) -> _Blocks | None:
     slopes[inside & (left == 0.0)] = 0.0
     block, first = [], 0
     for x in problem.observations:
-        block.append(first + folds_of(x.usable)[x.searched])
+        block.append(first + x.folds[x.searched])
         first = int(block[-1].max(initial=first)) + 1
     return _Blocks(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1]))
 

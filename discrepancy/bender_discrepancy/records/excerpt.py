@@ -11,7 +11,7 @@ import numpy as np
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.records.observations import Array, Observations, Part
-from bender_discrepancy.records.roles import held_out_and_reported
+from bender_discrepancy.records.roles import folds_of, held_out_and_reported
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.telling_rows import Rows, changing_commands, first_row, telling_rows, telling_window
 
@@ -67,6 +67,7 @@ class Excerpt:
             reported=reported,
             lacking_um=None if x.lacking_um is None else x.lacking_um[self.rows],
             part=Part(self.rows, commands, course_V),
+            first_folds=folds_of(x.usable[self.rows]),
         )
 
     def judged(self, seen: Observations) -> Observations:

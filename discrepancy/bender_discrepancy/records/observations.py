@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.records.excitation import one_sine
-from bender_discrepancy.records.roles import held_out_and_reported
+from bender_discrepancy.records.roles import folds_of, held_out_and_reported
 from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.record import Record
 from bender_loop.records.telling_rows import Rows
@@ -57,6 +57,7 @@ class Observations:
             for nothing.
         same_zero: the sensor was not zeroed between the records: one offset holds for all of them.
         part: of a longer record; None where the rows follow each other and the drive ends with their commands.
+        first_folds: (n,) folds by which the rows were shared out; None for those of the readings that count now.
     """
 
     drive: Drive
@@ -69,6 +70,12 @@ class Observations:
     lacking_um: Array | None = None
     same_zero: bool = False
     part: Part | None = None
+    first_folds: NDArray[np.int64] | None = None
+
+    @property
+    def folds(self) -> NDArray[np.int64]:
+        """(n,) which of twenty folds every row is in, wherever readings have been set aside since."""
+        return folds_of(self.usable) if self.first_folds is None else self.first_folds
 
     @property
     def read_um(self) -> Array:
@@ -195,7 +202,8 @@ def observe(record: Record, linear: bool = False, untimed: bool = False, smooth:
 
 def _observations(drive: Drive, measured_um: Array, usable: Mask) -> Observations:
     command_V = drive.voltage_V[-measured_um.size :]
-    return Observations(drive, measured_um, usable, *held_out_and_reported(usable, command_V))
+    roles = held_out_and_reported(usable, command_V)
+    return Observations(drive, measured_um, usable, *roles, first_folds=folds_of(usable))
 
 
 def turns_plays(observations: Sequence[Observations]) -> bool:

@@ -12,7 +12,6 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.fitting.own_numbers import names_of
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.records.roles import folds_of
 from bender_discrepancy.search.judgement.score import Difference, difference, likelihood_deviate, log_deviate
 from bender_discrepancy.search.noise import floor_square_um2, noise_of
 from bender_discrepancy.search.set_aside import with_outlying_aside
@@ -31,11 +30,13 @@ class Prediction:
     Attributes:
         errors: (n,) of every record, measured minus predicted, 0 where a row does not count.
         blocks: (b,) sums of squares of all blocks.
+        rows: (b,) how many rows of each count.
         square: over all rows that count.
     """
 
     errors: tuple[Array, ...]
     blocks: Array
+    rows: Array
     square: float
 
 
@@ -121,7 +122,7 @@ class Archive:
         if one is None or other is None:
             return Difference(0.0 if one is None and other is None else (-40.0 if one is None else 40.0), 1.0)
         rows = difference(one.errors, other.errors, self.counted)
-        floor = self.problem.all_rows / one.blocks.size * floor_square_um2(self.problem, self.noise_um)
+        floor = one.rows * floor_square_um2(self.problem, self.noise_um)
         logarithms = log_deviate(one.blocks + floor, other.blocks + floor)
         likelihood = likelihood_deviate(one.errors, other.errors, self.counted)
         return Difference(max(rows.deviations, logarithms, likelihood), rows.ratio)
@@ -231,8 +232,10 @@ def _prediction(problem: FitProblem, fitted: Fitted) -> Prediction | None:
         return None
     if errors is None or not all(np.all(np.isfinite(x)) for x in errors):
         return None
-    blocks: list[float] = []
+    blocks, rows = [], []
     for e, x in zip(errors, problem.observations, strict=True):
-        own = folds_of(x.usable)[x.searched]
-        blocks += [float(np.sum(e[x.searched][own == k] ** 2)) for k in np.unique(own)]
-    return Prediction(tuple(errors), np.array(blocks), float(sum(blocks)))
+        own = x.folds[x.searched]
+        squares, counts = (np.bincount(own, weights=w) for w in (e[x.searched] ** 2, np.ones(own.size)))
+        blocks += squares[counts > 0.0].tolist()
+        rows += counts[counts > 0.0].tolist()
+    return Prediction(tuple(errors), np.array(blocks), np.array(rows), float(sum(blocks)))

@@ -19,7 +19,7 @@ from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import deviation
 from bender_discrepancy.records.observations import Array, Observations, Part
 from bender_discrepancy.records.outliers import EXCEPTIONS
-from bender_discrepancy.records.roles import held_out_and_reported
+from bender_discrepancy.records.roles import folds_of, held_out_and_reported
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.judgement.grades import Grades, contradicted
 from bender_discrepancy.search.judgement.rules import Rules
@@ -167,6 +167,7 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
         reported=roles[1],
         lacking_um=None if x.lacking_um is None else x.lacking_um[rows],
         part=Part(rows, rows - x.usable.size, x.command_V[rows[0] : rows[-1] + 1]),
+        first_folds=folds_of(usable),
     )
 
 

@@ -29,7 +29,6 @@ from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
-from bender_discrepancy.records.roles import folds_of
 from bender_discrepancy.search.judgement.score import difference
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
@@ -231,7 +230,7 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     rows = sum(int(x.sum()) for x in judged)
     alone, corrected = ([x - y for x, y in zip(measured, z, strict=True)] for z in (recalibrated, after))
-    closed = closed_part(alone, corrected, judged, floor)
+    closed = closed_part(alone, corrected, whole, floor)
     return Measured(
         before, alone_left, left, floor, *shown,
         judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, closed=closed,
@@ -239,29 +238,29 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
 
 
 def closed_part(
-    alone: Sequence[Array], after: Sequence[Array], judged: Sequence[Mask], floor_um: float
+    alone: Sequence[Array], after: Sequence[Array], records: Sequence[Observations], floor_um: float
 ) -> tuple[float, float]:
-    """Return the part of the variance above the noise that is closed, and its standard error.
+    """Return the part of the variance above the noise that is closed on reported rows, and its standard error.
 
     The part is a ratio of sums over blocks. Its error has two sources: blocks differ, and the residual is noisy.
     The second one counts where the corrected model leaves hardly more than noise.
     """
-    gaps, lefts = (np.array(_above_noise(x, judged, floor_um)) for x in (alone, after))
+    gaps, lefts = (np.array(_above_noise(x, records, floor_um)) for x in (alone, after))
     gap_um2, count = float(gaps.sum()), gaps.size
     if count < 2 or gap_um2 <= 0.0:
         return math.nan, math.inf
-    left_um2, rows = float(lefts.sum()), sum(int(x.sum()) for x in judged)
+    left_um2, rows = float(lefts.sum()), sum(int(x.reporting.sum()) for x in records)
     spread = float(np.sum((lefts - left_um2 / gap_um2 * gaps) ** 2)) * count / (count - 1)
     noise = 2.0 * rows * floor_um**4 + 4.0 * floor_um**2 * max(left_um2, 0.0)
     return 1.0 - left_um2 / gap_um2, math.sqrt(spread + noise) / gap_um2
 
 
-def _above_noise(left: Sequence[Array], judged: Sequence[Mask], floor_um: float) -> list[float]:
-    """Return the sum of squares above the noise in every block of the judged rows."""
+def _above_noise(left: Sequence[Array], records: Sequence[Observations], floor_um: float) -> list[float]:
+    """Return the sum of squares above the noise in every block of the reported rows."""
     found: list[float] = []
-    for x, rows in zip(left, judged, strict=True):
-        read = np.isfinite(x)
-        blocks, squares = folds_of(read)[rows & read], x[rows & read] ** 2 - floor_um**2
+    for x, record in zip(left, records, strict=True):
+        rows = record.reporting & np.isfinite(x)
+        blocks, squares = record.folds[rows], x[rows] ** 2 - floor_um**2
         found += [float(squares[blocks == k].sum()) for k in np.unique(blocks)]
     return found
 
