@@ -55,9 +55,6 @@ def run(arguments: argparse.Namespace) -> int:
             status = INTERRUPTED
     for complaint in (complaint for x in tried for complaint in x.complaints):
         sys.stdout.write(f"{complaint}\n")
-    if arguments.probabilities:
-        for table in held_to_others(judged_effects(tried[::2]), judged_effects(tried[1::2])):
-            print_table(*table)
     counts = {
         "devices": len(tried),
         "seed": arguments.seed,
@@ -70,9 +67,10 @@ def run(arguments: argparse.Namespace) -> int:
         "worse_models": sum(x.worse is not None for x in tried),
     }
     write_result(out / "devices.json", counts | {"tried": [asdict(x) for x in tried]})
-    sys.stdout.write(
-        f"{len(tried)} devices from seed {arguments.seed}: {counts['faults']} faults, {counts['hangs']} hangs, "
-        f"{counts['lines_of_noise']} lines of noise, {counts['false_certain_names']} of {counts['certain_names']} "
-        f"certain names false, {counts['worse_models']} corrected models worse\nwritten: {out / 'devices.json'}\n"
-    )
+    rows = [[name.replace("_", " "), x] for name, x in counts.items() if isinstance(x, int) and name != "seed"]
+    print_table(f"Devices drawn at random, from seed {arguments.seed}", ("what", "found"), rows)
+    if arguments.probabilities:
+        for table in held_to_others(judged_effects(tried[::2]), judged_effects(tried[1::2])):
+            print_table(*table)
+    sys.stdout.write(f"written: {out / 'devices.json'}\n")
     return status or (FAILED if counts["faults"] or counts["hangs"] or counts["lines_of_noise"] else 0)
