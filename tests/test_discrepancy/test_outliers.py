@@ -309,6 +309,21 @@ def test_a_lattice_is_seen_although_some_readings_are_off_it(step_um: float) -> 
     assert lattice_step_um(rng.normal(size=2000)) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("levels", "step_um"),
+    [
+        # a level that was misread four times, a sixth as far from rest as the other one, nearly
+        ((-0.31278107615284784, 0.0, 0.052099375707068296), 0.0),
+        ((-0.3126, 0.0, 0.0521), 0.0521),
+        ((-0.31, 0.0, 0.05, 0.11, 0.2), 0.0),
+        ((0.017, 0.267, 0.517, 1.267), 0.25),
+    ],
+)
+def test_a_few_levels_are_a_lattice_where_that_is_no_chance(levels: tuple[float, ...], step_um: float) -> None:
+    readings = np.repeat(levels, 40)
+    assert lattice_step_um(readings) == pytest.approx(step_um, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_an_effect_is_found_through_misread_and_lost_frames() -> None:
     record = record_of(effects={"charge_leakage": {"fraction": 0.2, "time_constant_s": 5.0}}, voltage_V=levels(40.0))

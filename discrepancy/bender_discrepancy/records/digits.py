@@ -24,6 +24,8 @@ _EXACT = 2.0**53
 COHERENT = 0.98
 # of the readings, so many may be off the lattice: a frame that was misread is
 OFF_THE_LATTICE = 0.03
+# of records without a lattice, so many may seem to have one: two distances are soon nearly multiples of one another
+LUCKIEST = 1e-4
 FEWEST_READINGS = 20
 STOOD_ROWS = 5
 # of what the readings span
@@ -82,9 +84,17 @@ def lattice_step_um(readings_um: NDArray[np.float64]) -> float:
     # the distances that occur most are one step each: refine it on the whole span
     counts = np.round((values - values[0]) / step)
     refined = float(np.sum(counts * (values - values[0])) / np.sum(counts**2))
+    if _luck((values[1:] - values[0]) / refined) > LUCKIEST:
+        return 0.0
     off = np.abs(readings / refined - np.round(readings / refined))
     near = readings[off <= np.quantile(off, 1.0 - OFF_THE_LATTICE)]
     return refined if coherence(near, refined) > COHERENT else 0.0
+
+
+def _luck(places: NDArray[np.float64]) -> float:
+    """Return how likely values (k,) lie so near whole numbers of steps by chance; the step is fitted to one of them."""
+    off = np.sort(np.abs(places - np.round(places)))[1:]
+    return float(np.prod(2.0 * off))
 
 
 def jitter_um(readings_um: NDArray[np.float64], command_V: NDArray[np.float64]) -> NDArray[np.float64]:
