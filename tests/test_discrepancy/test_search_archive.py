@@ -363,15 +363,12 @@ def test_what_is_material_removes_half_of_the_rest_or_a_twentieth_of_the_gap(
 
 
 @pytest.mark.parametrize(
-    ("without_um", "left_um", "of_size", "of_all"),
-    [(0.15, 0.13, True, True), (0.15, 0.1, False, True), (0.11, 0.06, True, True), (1.1, 0.1, False, False)],
+    ("without_um", "left_um", "of_size"),
+    [(0.15, 0.13, True), (0.15, 0.1, False), (0.11, 0.06, True), (1.1, 0.1, False)],
 )
-def test_the_last_percent_is_one_of_the_size_of_the_gap_or_of_all_of_it(
-    without_um: float, left_um: float, of_size: bool, of_all: bool
-) -> None:
+def test_the_last_percent_is_one_of_the_size_of_the_gap(without_um: float, left_um: float, of_size: bool) -> None:
     base, without, fitted = leaving(10.0, without_um, left_um)
     assert RULES.is_of_last_percent(CLOSING.archive, base, without, fitted) is of_size
-    assert RULES.closes_hardly(CLOSING.archive, base, without, fitted) is of_all
 
 
 def test_what_belongs_to_the_record_must_remove_most_of_the_rest(search: SearchResult) -> None:

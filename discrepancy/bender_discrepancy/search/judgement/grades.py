@@ -227,9 +227,7 @@ def _graded(
     is_needed = (alone or rules.is_material(archive, base, without, best)) and all(
         rules.is_material(archive, base, x, best) for x in curve
     )
-    # what knows the time alone can hardly follow what another form leaves of the answer to a command
-    within = rules.is_of_last_percent if EFFECTS[effect].of_the_record else rules.closes_hardly
-    is_needed = is_needed and not any(within(archive, base, x, best) for x in (without, *curve))
+    is_needed = is_needed and not any(rules.is_of_last_percent(archive, base, x, best) for x in (without, *curve))
     is_shown = all(archive.difference(best, x).deviations > rules.certain_deviations for x in (without, *curve))
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)

@@ -49,8 +49,8 @@ class Rules:
         remainder: part of the residual variance above the noise that a further effect may remove by chance.
         closes: part of the gap's variance that certain effects close where structure is left.
         at_noise: over the square of the noise; beside an effect, no other one is sought in less.
-        last_percent: part of the gap within which forms are not nature's: no effect of the device that closes no more
-            of its variance is certain, and no name depends on what is no larger in size.
+        last_percent: part of the gap within which forms are not nature's: no name depends on what is no larger in size,
+            and no effect of the device is certain that closes no more in the mean over all orders of adding.
         fewer_numbers: what makes one form far simpler than another.
         matters: of the noise; a calibration that changes readings by less is not worth a verdict.
         likely: probability from which a leading suspect is called likely.
@@ -140,11 +140,6 @@ class Rules:
         """Return whether one hypothesis removes no more of what another one leaves than forms differ from nature's."""
         rest, left = (above_floor_um2(archive, x) for x in (without, fitted))
         return rest - left <= self.last_percent**2 * above_floor_um2(archive, base)
-
-    def closes_hardly(self, archive: Archive, base: Fitted, without: Fitted, fitted: Fitted) -> bool:
-        """Return whether one hypothesis closes no more of the gap than another one but its last percent."""
-        rest, left = (above_floor_um2(archive, x) for x in (without, fitted))
-        return rest - left <= self.last_percent * above_floor_um2(archive, base)
 
     def complexity(self, archive: Archive, fitted: Fitted) -> int:
         """Return how many numbers a hypothesis has, those of its linear structure included.
