@@ -521,7 +521,8 @@ def _kits(
 
 def _kit(structure: Model | None, model: Model, forms: Sequence[Form], observations: Sequence[Observations]) -> Kit:
     longest_s = max(float(np.ptp(x.time_s)) for x in observations)
-    return Kit(structure, tuple(forms), own_form(model, longest_s))
+    row_s = min(float(np.median(np.diff(x.time_s))) for x in observations)
+    return Kit(structure, tuple(forms), own_form(model, longest_s, row_s))
 
 
 def _kept_in(kept: list[Searched], records: Sequence[Record], how: Settings) -> Callable[[Searched], None]:

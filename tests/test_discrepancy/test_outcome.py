@@ -471,6 +471,19 @@ def test_a_recalibrated_mode_that_rows_cannot_tell_from_its_aliases_says_so():
             )
 
 
+@pytest.mark.parametrize(("row_s", "low_s"), [(0.0, 0.001), (0.01, 0.001), (0.04, 0.002), (9.0, 0.01)])
+def test_a_lag_is_not_sought_where_no_row_shows_it(row_s: float, low_s: float) -> None:
+    model = (
+        load_model("beam").with_block("sensor_lag", time_constant_s=0.01).with_block("transport_delay", delay_s=0.01)
+    )
+    form = own_form(model, row_s=row_s)
+    assert form is not None
+    lows = {x.name: x.low for x in form.free}
+    assert lows["sensor_lag.time_constant_s"] == pytest.approx(low_s)
+    # a delay that is far shorter than a row may be nought to the sensor, and costs nothing
+    assert lows["transport_delay.delay_s"] == pytest.approx(0.001)
+
+
 def test_a_number_of_the_model_at_the_end_of_its_range_is_said(tmp_path: Path):
     base = load_model("paper")
     form = own_form(base)

@@ -31,6 +31,8 @@ FREQUENCY_WITHIN = 2.0
 OTHERS_WITHIN = 10.0
 # a lag may be that of another supply: from what no reading shows to what is as slow as the record
 TIMES_UP_TO = 100.0
+# a lag of this part of a row is over before the next one, to 2e-9
+QUICK = 20.0
 # polymers soften by 0.2 to 0.5 % a kelvin, their resonances fall by half of that: less is no other resonance
 A_KELVIN = 0.001
 
@@ -78,19 +80,21 @@ def own_numbers(base: Model) -> tuple[OwnNumber, ...]:
     return tuple(x for x in found if x.given > 0.0)
 
 
-def own_form(base: Model, longest_s: float = math.inf) -> Form | None:
+def own_form(base: Model, longest_s: float = math.inf, row_s: float = 0.0) -> Form | None:
     """Return the form that frees them; None where the model has none but gain and offset.
 
     Args:
         base: the model.
         longest_s: of the records; a lag that becomes slower is an integrator, whose gain no record shows.
+        row_s: between two rows; a lag that is far quicker shows in none of them, and takes many sub-steps.
     """
     numbers = own_numbers(base)
     if not numbers:
         return None
 
     def free_of(x: OwnNumber) -> Free:
-        return Free(x.name, x.given / x.within, _highest(x, longest_s), True, (x.given,), rings=_RINGS.get(x.name, ""))
+        low, high = _lowest(x, row_s), _highest(x, longest_s)
+        return Free(x.name, low, high, True, (x.given,), rings=_RINGS.get(x.name, ""))
 
     def apply(model: Model, values: Values) -> Model:
         changed: dict[str, dict[str, float]] = {}
@@ -161,6 +165,11 @@ def first_mode_Hz(model: Model) -> float | None:
         return None
     own = next(x.parameters for x in model.blocks if x.id == bending_modes.ID)
     return first[0] * first_mode(model)[tip_mass.ID] / own.frequency_factor
+
+
+def _lowest(x: OwnNumber, row_s: float) -> float:
+    unseen = min(x.given, row_s / QUICK) if x.parameter.endswith("time_constant_s") else 0.0
+    return max(x.given / x.within, unseen)
 
 
 def _highest(x: OwnNumber, longest_s: float) -> float:
