@@ -52,6 +52,20 @@ def test_the_verdict_on_a_long_record_its_reason_and_its_grades_say_one_thing(
     assert final.complete == (left < 2.0)
 
 
+@pytest.mark.parametrize(("deviations", "word"), [(0.2, "ambiguous"), (1.0, "ambiguous"), (2.5, "likely")])
+def test_what_a_rival_predicts_as_well_is_open_however_probable(deviations: float, word: str) -> None:
+    """Structure is left, and the leading effect is more probable than not: a tie is no verdict on it."""
+    record = record_of(effects=LAGGING)
+    lags = (hypothesis(PAPER, [record], (x, (0.06,))) for x in ("source_resistance", "sensor_lag"))
+    search = told([record], next(lags), list(lags))
+    (effect,) = search.grades.effects
+    rival = replace(effect.rivals[0], deviations=deviations, reach="predicts as well")
+    open_ = replace(effect, grade="likely", probability=0.7, rivals=(rival,))
+    found = decide(search.found, replace(search.grades, effects=(open_,), complete=False), RULES)
+    assert found.word == word
+    assert rival.id in found.reason
+
+
 def test_rows_that_a_fit_used_are_not_reported_on(lagging: SearchResult) -> None:
     (seen,) = lagging.problem.observations
     rows = np.flatnonzero(seen.usable)[::3]
@@ -128,7 +142,7 @@ def test_what_a_witness_shows_stands_on_a_single_step() -> None:
 
 
 def test_a_coarse_sensor_does_not_make_every_effect_one_that_a_block_alone_shows() -> None:
-    """Beyond the steps little is left of any effect; it is held against what is left there, not against the steps."""
+    """Where readings are coarse, the residual beyond the steps is compared with its like, not with the steps."""
     step_um = 2.0
     record = record_of("beam", {"creep": {"gains": (0.02,), "time_constants_s": (2.0,)}}, levels(60.0))
     coarse = replace(record, displacement_um=step_um * np.round(record.displacement_um / step_um))

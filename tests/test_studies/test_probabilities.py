@@ -1,32 +1,33 @@
 """How well probabilities are kept, and what judged effects teach about their weights."""
 
+import json
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_studies.device_fuzz.campaign import Tried
-from bender_studies.device_fuzz.campaign import judged_effects as judged_of_devices
+from bender_cli.main import main
 from bender_studies.hidden_effects.probabilities import (
     JudgedEffect,
     by,
     calibration_error,
-    held_to_others,
     reliability,
     weights,
 )
 
-TRUE_WEIGHTS = (-2.0, 0.5, 1.0, 0.5)
+TRUE_WEIGHTS = (-2.0, 1.0, 0.5, 1.0, 0.5)
 
 
 def drawn(count: int, seed: int) -> list[JudgedEffect]:
     """Effects that are there as often as a logistic curve of their cases says."""
     rng = np.random.default_rng(seed)
-    cases = np.column_stack([np.ones(count), rng.uniform(0.0, [8.0, 4.0, 1.0], size=(count, 3))])
-    probabilities = 1.0 / (1.0 + np.exp(-cases @ TRUE_WEIGHTS))
+    cases = np.column_stack([np.ones(count), rng.integers(0, 2, count), rng.uniform(0.0, [8.0, 4.0, 1.0], (count, 3))])
+    probabilities = 1.0 / (1.0 + np.exp(-cases @ np.array(TRUE_WEIGHTS)))
     there = rng.random(count) < probabilities
-    rows = zip(cases, probabilities, there, strict=True)
-    return [JudgedEffect(tuple(map(float, x)), float(p), bool(y)) for x, p, y in rows]
+    return [JudgedEffect(tuple(map(float, x)), bool(y)) for x, y in zip(cases, there, strict=True)]
 
 
 def test_weights_are_found_again():
@@ -34,15 +35,16 @@ def test_weights_are_found_again():
 
 
 def test_more_evidence_never_speaks_against_an_effect():
-    upside_down = [JudgedEffect(x.parts, x.probability, not x.is_there) for x in drawn(500, 2)]
+    upside_down = [JudgedEffect(x.parts, not x.is_there) for x in drawn(500, 2)]
     found = weights(upside_down)[1:]
     assert min(found) >= 0.0
-    assert found[:2] == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert found[:3] == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
 
 
 def test_the_weights_that_drew_effects_give_back_their_probabilities():
     told = drawn(50, 3)
-    assert [p for p, _ in by(told, TRUE_WEIGHTS)] == pytest.approx([x.probability for x in told])
+    evidence = np.array([x.parts for x in told]) @ np.array(TRUE_WEIGHTS)
+    assert [math.log(p / (1.0 - p)) for p, _ in by(told, TRUE_WEIGHTS)] == pytest.approx(list(evidence))
     assert [x for _, x in by(told, TRUE_WEIGHTS)] == [x.is_there for x in told]
 
 
@@ -61,21 +63,45 @@ def test_what_is_off_is_weighed_by_how_many_it_holds():
     assert reliability(kept + off) == [["0.4 to 0.6", "6", "0.500", "0.500"], ["0.8 to 1.0", "2", "0.900", "0.500"]]
 
 
-def test_half_of_the_effects_teach_and_the_others_judge():
-    kept, learned = held_to_others(drawn(4000, 4), drawn(4000, 5))
-    for title, _, rows in (kept, learned):
-        assert float(title.rsplit(" ", 1)[1]) < 0.03
-        assert all(float(mean) == pytest.approx(float(there), abs=0.1) for _, _, mean, there in rows)
-    assert sum(int(row[1]) for row in kept[2]) == 8000
-    assert sum(int(row[1]) for row in learned[2]) == 4000
-    assert len(held_to_others(drawn(10, 6), [])) == 1
+def written(folder: Path, devices: int) -> Path:
+    """Results of both benchmarks, as they write them: of rivals and what is read off nothing is taught."""
+    folder.mkdir()
+    names = "deviations", "log_ratio", "closed"
+    tried = []
+    for x in drawn(devices, 4):
+        weighed = dict(zip(names, x.parts[2:], strict=True)) | {"passed": bool(x.parts[1])}
+        own = {"id": "creep", "weighed": weighed, "is_there": x.is_there}
+        tried.append({"told": [own, {"id": "fold", "weighed": None, "is_there": False}]})
+    (folder / "devices.json").write_text(json.dumps({"tried": tried}), encoding="utf-8")
+    told = {"creep": {"case": [1.0, 1.0, 8.0, 4.0, 1.0]}, "fold": {"case": [1.0, 0.0, 0.0, 0.0, 0.1]}}
+    benches = [{"hidden": ["creep"], "told": told}, {"hidden": ["backlash"], "told": {}}] * 3
+    (folder / "discrepancy.json").write_text(json.dumps({"cases": benches}), encoding="utf-8")
+    return folder
 
 
-def test_rivals_and_what_is_read_off_teach_nothing():
-    weighed = {"deviations": 8.0, "log_ratio": 2.0, "closed": 0.9, "passed": True}
-    told = [
-        {"id": "creep", "probability": 0.8, "weighed": weighed, "is_there": True},
-        {"id": "sensor_lag", "probability": 0.1, "weighed": None, "is_there": False},
-    ]
-    (judged,) = judged_of_devices([Tried(1, ("lag",), told=told)])
-    assert judged == JudgedEffect((1.0, 1.0, 8.0, 2.0, 0.9), 0.8, is_there=True)
+def test_weights_are_taught_by_results_of_both_benchmarks(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    results, out = written(tmp_path / "results", 4000), tmp_path / "out"
+    assert main(["benchmark", "probabilities", str(results), "--out", str(out), "--quiet"]) == 0
+    found = json.loads((out / "probabilities.json").read_text(encoding="utf-8"))
+    assert [(x["cases of"], x["cases"], x["effects"]) for x in found["errors"]] == [
+        ("drawn devices", 4000, 4000), ("hidden benches", 3, 6), ("all", 4003, 4006),
+    ]  # fmt: skip
+    assert found["errors"][2]["error by weights of every second"] < 0.03
+    assert found["weights_of_all"][2:4] == pytest.approx(TRUE_WEIGHTS[2:4], abs=0.3)
+    assert "Expected calibration error" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(None, "found no devices.json"), ("{", "found no result"), ('{"tried": [{}]}', "found no result"),
+     ('{"tried": []}', "found effects in 0 cases")],
+)  # fmt: skip
+def test_what_is_no_result_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str | None, said: str
+):
+    if content is not None:
+        (tmp_path / "devices.json").write_text(content, encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["benchmark", "probabilities", str(tmp_path), "--out", str(out)]) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()

@@ -30,6 +30,7 @@ BENCHMARKS: Mapping[str, str] = {
     "identify": "bender_studies.benchmarks.identify",
     "investigate": "bender_studies.benchmarks.investigate",
     "model": "bender_studies.benchmarks.first_model",
+    "probabilities": "bender_studies.benchmarks.probabilities",
     "nonlinear": "bender_studies.benchmarks.nonlinear",
     "watch": "bender_studies.watching.benchmark",
 }

@@ -65,10 +65,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--witnesses", type=int, metavar="N",
         help="instead: N benches where only a read-back voltage or a temperature distinguishes the effects",
     )  # fmt: skip
-    parser.add_argument(
-        "--probabilities", action="store_true",
-        help="fit the weights of the probabilities to every second case, print how well they are kept on the others",
-    )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
 
 
@@ -93,18 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if found:
         _tell(arguments, kinds, found)
-    if found and arguments.probabilities:
-        _probabilities(found)
     return status
-
-
-def _probabilities(found: "Sequence[Judged]") -> None:
-    """Print the reliability of the probabilities, and the weights that half of the cases teach, held to the others."""
-    from bender_loop.shell.progress import print_table
-    from bender_studies.hidden_effects.probabilities import held_to_others, judged_effects
-
-    for table in held_to_others(judged_effects(found[::2]), judged_effects(found[1::2])):
-        print_table(*table)
 
 
 def _suspects(arguments: argparse.Namespace) -> int:

@@ -16,10 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how many, from which seed, and where the result goes."""
     parser.add_argument("--devices", type=int, default=100, metavar="N", help="120 s each at most (default: 100)")
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="of the first; the same seed, the same device")
-    parser.add_argument(
-        "--probabilities", action="store_true",
-        help="print how well the probabilities are kept, and the weights that every second device teaches",
-    )  # fmt: skip
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="at a time (default: 2)")
 
 
@@ -34,8 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
-    from bender_studies.device_fuzz.campaign import Tried, judged_effects, try_devices
-    from bender_studies.hidden_effects.probabilities import held_to_others
+    from bender_studies.device_fuzz.campaign import Tried, try_devices
 
     for name in ("devices", "processes"):
         if getattr(arguments, name) < 1:
@@ -68,9 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
     }
     write_result(out / "devices.json", counts | {"tried": [asdict(x) for x in tried]})
     rows = [[name.replace("_", " "), x] for name, x in counts.items() if isinstance(x, int) and name != "seed"]
-    print_table(f"Devices drawn at random, from seed {arguments.seed}", ("what", "found"), rows)
-    if arguments.probabilities:
-        for table in held_to_others(judged_effects(tried[::2]), judged_effects(tried[1::2])):
-            print_table(*table)
+    print_table("Devices drawn at random", ("what", "found"), rows)
     sys.stdout.write(f"written: {out / 'devices.json'}\n")
     return status or (FAILED if counts["faults"] or counts["hangs"] or counts["lines_of_noise"] else 0)

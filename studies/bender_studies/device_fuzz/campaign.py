@@ -11,19 +11,17 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from bender_discrepancy.search.judgement.probability import Case
 from bender_loop.records.record import read_record
 from bender_plant.model import ModelError, load_model
 from bender_proving.devices.record import Strange, draw
 from bender_studies.benchmarks.second_record import left_about_mean_um
-from bender_studies.hidden_effects.probabilities import JudgedEffect
 
 LIMIT_S = 120.0
 WORSE = 1.1
@@ -64,16 +62,6 @@ class Tried:
         told = [f"{who}: {x}" for x in [*self.faults, *self.hangs, *self.noise]]
         told += [f"{who}: {x} is called certain" for x in self.false]
         return told + ([] if self.worse is None else [f"{who}: the corrected model is {self.worse:.2g} times worse"])
-
-
-def judged_effects(devices: Iterable[Tried]) -> list[JudgedEffect]:
-    """Return the effects of the corrected models of all devices, with what their probabilities follow from."""
-    return [
-        JudgedEffect(Case(**x["weighed"]).parts, x["probability"], x["is_there"])
-        for device in devices
-        for x in device.told
-        if x["weighed"]
-    ]
 
 
 def try_devices(count: int, seed: int, processes: int, limit_s: float = LIMIT_S) -> Generator[Tried, None, None]:

@@ -7,7 +7,7 @@ What is judged runs in processes of its own that are given records and nothing e
 | `exposed_record` | a record of a hidden bench whose readings are means over an exposure |
 | `constants`, `constants_benchmark` | verdicts with each deciding constant smaller and larger; the command for it |
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
-| `probabilities` | how well the probabilities are kept, and their weights learned from hidden benches |
+| `probabilities` | how well probabilities are kept, and the weights that judged effects teach |
 | `suspected` | FMUs whose parameter is off, whose model lacks an effect, or both: drawn, diagnosed, judged |
 | `witnessed` | benches whose effects are confused without the instruments beside the sensor, diagnosed with them |
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |

@@ -1,4 +1,4 @@
-"""How well the probabilities of effects are kept, and the weights that hidden benches teach."""
+"""How well the probabilities of effects are kept, and the weights that judged effects teach."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,13 +7,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import minimize
 
-from bender_studies.hidden_effects.judging import Judged
-
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 RIDGE = 1e-2
 COLUMNS = ("told", "effects", "mean", "there")
-
-Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,38 +18,11 @@ class JudgedEffect:
 
     Attributes:
         parts: of the case against it.
-        probability: as the answer had it.
         is_there: whether it was hidden.
     """
 
     parts: tuple[float, ...]
-    probability: float
     is_there: bool
-
-
-def judged_effects(cases: Sequence[Judged]) -> list[JudgedEffect]:
-    """Return the effects of all answers."""
-    return [
-        JudgedEffect(parts, x.answer.probabilities[name], name in x.truth)
-        for x in cases
-        for name, parts in x.answer.cases.items()
-    ]
-
-
-def held_to_others(training: Sequence[JudgedEffect], others: Sequence[JudgedEffect]) -> list[Table]:
-    """Return the reliability of the probabilities, and that of the weights that some effects teach, on the others."""
-    told = [("as they are", [(x.probability, x.is_there) for x in (*training, *others)])]
-    if training and others:
-        learned = weights(training)
-        told.append((f"by weights {', '.join(map(str, learned))} of one half, on the other", by(others, learned)))
-    return [
-        (
-            f"Probabilities {name}: expected calibration error {calibration_error(pairs):.3f}",
-            COLUMNS,
-            reliability(pairs),
-        )
-        for name, pairs in told
-    ]
 
 
 def weights(told: Sequence[JudgedEffect]) -> tuple[float, ...]:
@@ -72,6 +41,8 @@ def weights(told: Sequence[JudgedEffect]) -> tuple[float, ...]:
 
 def by(told: Sequence[JudgedEffect], weighed: Sequence[float]) -> list[tuple[float, bool]]:
     """Return the probability that some weights give every effect, and whether it is there."""
+    if not told:
+        return []
     evidence = np.array([x.parts for x in told]) @ np.array(weighed)
     return [(float(p), x.is_there) for p, x in zip(1.0 / (1.0 + np.exp(-evidence)), told, strict=True)]
 

@@ -1,8 +1,8 @@
 """The probability that an effect is there: a logistic curve of the case against it.
 
 The weights were fitted (maximum likelihood) to 998 effects that were told of 1 000 devices drawn at random and of 77
-hidden benches, 11 of them outside the catalogue. `bender benchmark fuzz --probabilities` and `bender benchmark
-discrepancy --probabilities` print how well the probabilities are kept on others, and what weights these would teach.
+hidden benches, 11 of them outside the catalogue. `bender benchmark probabilities` prints how well they are kept on the
+results of others, and what weights these would teach.
 """
 
 import math

@@ -6,7 +6,7 @@ from typing import Literal
 
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Doubt, Grades, is_complete
+from bender_discrepancy.search.judgement.grades import Doubt, Graded, Grades, is_complete
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.noise import extremes_at_floor, floor_square_um2, residual_square_um2
 from bender_discrepancy.search.search import Searched
@@ -58,12 +58,15 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
     leading = max(grades.effects, key=lambda x: x.probability)
     if complete and rivals:
         return Verdict("ambiguous", f"the records do not contain enough evidence to exclude {listed(rivals, 'or')}")
-    if leading.grade != "possible":
-        return Verdict("likely", _why_likely(grades), complete)
-    if rivals:
+    if rivals and (leading.grade == "possible" or _is_within_reach(leading, rules)):
         reason = f"{listed(rivals, 'or')} would predict unseen readings nearly as well"
         return Verdict("ambiguous", reason, complete)
     return Verdict("likely", _why_likely(grades), complete)
+
+
+def _is_within_reach(leading: Graded, rules: Rules) -> bool:
+    """Return whether a rival of the leading effect predicts as well: within one standard error."""
+    return any(x.deviations <= rules.standard_errors for x in leading.near_rivals)
 
 
 def _why_likely(grades: Grades) -> str:
