@@ -24,7 +24,7 @@
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |
 | `investigate` | `bender benchmark investigate`: hidden benches in virtual time; one killed and resumed |
 | `nonlinear` | `bender benchmark nonlinear`: the public nonlinear benchmarks, with their official splits |
-| `probabilities` | `bender benchmark probabilities`: how well probabilities are kept in results of `fuzz` and `discrepancy` |
+| `probabilities` | `bender benchmark probabilities`: how well the probabilities of diagnoses are kept |
 | `second_record` | what a model leaves of a record that it was not fitted to |
 | `speed` | `bender benchmark speed` |
 | `tuner` | `bender benchmark tuner`: every method on two plants, against the optimum |
