@@ -12,7 +12,6 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.records.noise import (
     LOG_FLOOR_RATIO,
     QUIET_MEDIAN,
-    deviation,
     end_of_rests,
     from_differences,
     from_quiet_spectra,
@@ -25,6 +24,7 @@ from bender_discrepancy.records.noise import (
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.spectrum import are_even, bin_s, without_line
 from bender_discrepancy.search.noise import floor_square_um2
+from bender_loop.records.outliers import deviation
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

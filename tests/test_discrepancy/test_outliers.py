@@ -11,7 +11,8 @@ from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.records.digits import lattice_step_um
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.records.outliers import (
+from bender_discrepancy.workflow import search_records
+from bender_loop.records.outliers import (
     AFTER_A_JUMP_ROWS,
     FAR,
     after_jumps,
@@ -20,7 +21,6 @@ from bender_discrepancy.records.outliers import (
     neighbourhood_um,
     outlying,
 )
-from bender_discrepancy.workflow import search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -189,10 +189,10 @@ def test_many_exceptions_are_none():
     residual = np.full(volts.size, 1e-3) * np.resize([1.0, -1.0], volts.size)
     jumps = np.flatnonzero(np.diff(volts)) + 1
     residual[jumps[:10]] = 30.0
-    assert not outlying(observed(volts, residual), residual, 1e-3).any()
+    assert not outlying(observed(volts, volts + residual), residual, 1e-3).any()
     residual[jumps[:10]] = 1e-3
     residual[jumps[:5]] = 30.0
-    assert list(np.flatnonzero(outlying(observed(volts, residual), residual, 1e-3))) == list(jumps[:5])
+    assert list(np.flatnonzero(outlying(observed(volts, volts + residual), residual, 1e-3))) == list(jumps[:5])
 
 
 def test_ringing_grows_with_the_jump():
@@ -222,8 +222,9 @@ def alternating(volts: np.ndarray, height_um: float, exception_um: float) -> tup
 @pytest.mark.parametrize("height_V", [0.5, 20.0])
 def test_eight_jumps_of_any_height_judge(count: int, judged: bool, height_V: float):
     volts = jumping(count) * height_V / 20.0
-    residual, row = alternating(volts, 0.1, 5.0)
-    assert outlying(observed(volts, residual), residual, 0.01)[row] == judged
+    residual, row = alternating(volts, 0.1, 2.0)
+    # the device goes 1 µm for a volt
+    assert outlying(observed(volts, volts + residual), residual, 0.01)[row] == judged
 
 
 @pytest.mark.parametrize(("exception_um", "found"), [(1.02, True), (0.78, False)])
@@ -345,3 +346,16 @@ def test_what_noise_does_at_the_edges_of_steps_has_no_name(seed: int) -> None:
     fine = record_of(voltage_V=levels(40.0, seed), seed=seed)
     coarse = Record(fine.time_s, fine.voltage_V, 1.3 * np.round(fine.displacement_um / 1.3))
     assert [x.id for x in find(search_records(load_model("paper"), [coarse])).added] == ["sensor_quantisation"]
+
+
+def test_a_stray_after_a_jump_that_no_ringing_reaches_is_outlying() -> None:
+    """A sine of few rows a volt begins with steps that count as jumps: 0.02 V high, not 50 times the stroke."""
+    rng = np.random.default_rng(8)
+    volts = 0.2 - 0.2 * np.cos(2.0 * np.pi * np.arange(400) / 400.0)
+    volts[:6] = [0.015, 0.035, 0.052, 0.066, 0.081, 0.099]
+    residual = 1e-3 * rng.standard_normal(volts.size)
+    stray, ringing = residual.copy(), residual.copy()
+    stray[1] += 0.97
+    ringing[1] += 0.02
+    for x, expected in ((stray, [1]), (ringing, [])):
+        assert list(np.flatnonzero(outlying(observed(volts, volts + x), x, 1e-3))) == expected

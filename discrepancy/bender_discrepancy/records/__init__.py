@@ -15,5 +15,5 @@
 | `ringing` | what rings from before a record |
 | `stand_in` | what is known of an FMU that another model stands in for |
 | `record_names` | names of records that are distinguished as they are told |
-| `noise`, `outliers` | noise floor, outlying readings |
+| `noise` | the noise floor of a residual |
 """

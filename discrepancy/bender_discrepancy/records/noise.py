@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv, ndtri
 
+from bender_loop.records.outliers import deviation
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # the third difference of white noise has variance 1 + 9 + 9 + 1
 _THIRD_DIFFERENCE = np.sqrt(20.0)
-_MAD_TO_DEVIATION = 1.4826
 _STRETCH = 16
 _FEWEST_STRETCHES = 24
 # a parabola through each stretch takes three degrees of freedom
@@ -39,11 +40,6 @@ _DEVIATION_ERROR = 1.29
 _CLEARLY = 3.0
 SAME_SIMULATION, ROUNDED = 1e-6, 1e-6
 """Of the span: what sub-steps of other lengths differ by. Of a digit: what a conversion of units leaves of rounding."""
-
-
-def deviation(values: Array) -> float:
-    """Return the standard deviation of the bulk of the values (median absolute deviation)."""
-    return float(_MAD_TO_DEVIATION * np.median(np.abs(values - np.median(values)))) if values.size else 0.0
 
 
 def from_differences(residual: Array, usable: Mask) -> float:

@@ -16,9 +16,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.starts import scan
 from bender_discrepancy.records.excerpt import Excerpt
-from bender_discrepancy.records.noise import deviation
 from bender_discrepancy.records.observations import Array, Observations, Part
-from bender_discrepancy.records.outliers import EXCEPTIONS
 from bender_discrepancy.records.roles import folds_of, held_out_and_reported
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.judgement.grades import Grades, contradicted
@@ -26,6 +24,7 @@ from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import PARTLY, Verdict
 from bender_discrepancy.search.noise import floor_square_um2, square_on
 from bender_discrepancy.search.search import Searched
+from bender_loop.records.outliers import EXCEPTIONS, deviation
 from bender_loop.records.telling_rows import Rows
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s

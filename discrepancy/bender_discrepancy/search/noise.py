@@ -14,8 +14,8 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import end_of_rests, floor_ratio_limit, least_noise_um, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.records.outliers import FAR
 from bender_discrepancy.records.spectrum import without_line
+from bender_loop.records.outliers import FAR
 
 
 def noise_of(fitted: Fitted, problem: FitProblem) -> float:

@@ -52,6 +52,7 @@ def search(
     tell: Progress = lambda _: None,
     keep: Callable[[Searched], None] = lambda _: None,
     begin: Begin = lambda _: None,
+    spent_substeps: int = 0,
 ) -> Searched:
     """Search for missing effects.
 
@@ -62,6 +63,8 @@ def search(
         tell: is told what is being done.
         keep: gets what was found so far, after every step.
         begin: returns the problem with another beginning of the records, where that fits clearly better.
+        spent_substeps: simulated by a search of these records at another beginning: both together may take what one
+            of the most effects may.
 
     Raises:
         ValueError: the model as given cannot be simulated under the drive of the records.
@@ -70,8 +73,9 @@ def search(
     best = archive.set_aside(_root(archive, catalogue, rules))
     roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
     beam, in_vain, stopped = leading_fits(roots, len(catalogue.kits)), 0, False
+    most_substeps = BUDGET.work_for(problem.all_rows, catalogue.most) - spent_substeps
     while beam and _goes_on(archive, rules, best, in_vain):
-        if stopped := not _is_affordable(archive, problem, best):
+        if stopped := not _is_affordable(archive, problem, best, most_substeps):
             break
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
         if not (
@@ -84,7 +88,9 @@ def search(
         leader = improved(archive, catalogue, rules, leader, ADJUST)
         if depth == 1 and (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
             tell("another beginning of the record fits better: beginning again")
-            return search(other, catalogue, rules, tell, keep)
+            return search(
+                other, catalogue, rules, tell, keep, spent_substeps=problem.work_substeps - other.work_substeps
+            )
         before, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
@@ -99,7 +105,7 @@ def search(
     if (other := begin(found)) is None:
         return found
     tell("another beginning of the record fits better: searching again")
-    return search(other, catalogue, rules, tell, keep)
+    return search(other, catalogue, rules, tell, keep, spent_substeps=problem.work_substeps - other.work_substeps)
 
 
 def _say_step(tell: Progress, archive: Archive, catalogue: Catalogue, depth: int, models: int, place: int) -> None:
@@ -389,7 +395,7 @@ def _is_nearly_done(archive: Archive, fitted: Fitted) -> bool:
     return fitted.training_square <= rows * (BUDGET.nearly_done * archive.noise_um) ** 2
 
 
-def _is_affordable(archive: Archive, begun: FitProblem, best: Fitted) -> bool:
+def _is_affordable(archive: Archive, begun: FitProblem, best: Fitted, most_substeps: float) -> bool:
     journal = current_journal()
     done = begun.work_substeps if journal is None else journal.work_so_far(begun.work_substeps)
-    return done <= BUDGET.work_for(archive.problem.all_rows, len(best.hypothesis.parts))
+    return done <= min(BUDGET.work_for(archive.problem.all_rows, len(best.hypothesis.parts)), most_substeps)

@@ -8,8 +8,8 @@ import numpy as np
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import Array, Observations
-from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.noise import shares_of_noise
+from bender_loop.records.outliers import outlying
 
 
 def with_outlying_aside(problem: FitProblem, fitted: Fitted, noise_um: float) -> tuple[FitProblem, int]:

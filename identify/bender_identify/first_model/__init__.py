@@ -18,6 +18,7 @@ choice          which structure the records support
 | `learned` | records in, the first model and its plant out |
 | `linear_structures` | the linear candidates as plain models, best first, where a search for effects may set out from |
 | `loop_rival` | a loop that does not depend on time, as the rival of every linear structure |
+| `misread` | isolated readings that are set aside, as no simple structure leads to them |
 | `rivals` | one nonlinear part beside a simple structure, as the rival of a further order |
 | `start_values` | where the fits of a structure begin |
 | `structures` | what a first model may consist of: lags and modes in series with a gain and a delay |

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from bender_identify.first_model.choice import Scored, is_better, structures_scored
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import CANNOT_BE, FitTask
-from bender_identify.first_model.structures import Structure
+from bender_identify.first_model.misread import SIMPLE, without_misread
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
 from bender_loop.records.distinct import refuse_twice_the_same
@@ -22,7 +22,6 @@ from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
 from bender_loop.records.zero_move import without_zero_move
 
-SIMPLE = Structure(lags=1, modes=1)
 MOST_LEFT = 0.5
 """Of the mean square that a held input leaves: another course may take off less by standing in for what is missing."""
 EVEN = 1e-3
@@ -52,7 +51,7 @@ def experiments_of(
 
     def ready(course: InputHold) -> list[Experiment]:
         rows = zip(records, names, strict=True)
-        return [experiment_of(x, name, Settings(), course, any_answer=True) for x, name in rows]
+        return without_misread([experiment_of(x, name, Settings(), course, any_answer=True) for x, name in rows])
 
     if input_hold != "auto":
         return ready(input_hold)

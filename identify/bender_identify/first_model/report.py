@@ -24,6 +24,7 @@ HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
 FOLLOWS = 0.5
 """Share of the variance of readings on held-out rows below which a structure does not follow a record."""
+MOST_LISTED = 8
 
 
 def columns(quantities: Quantities = USUAL) -> tuple[str, ...]:
@@ -89,6 +90,7 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
                 "name": x.name,
                 "in_motion": x.in_motion,
                 "zero_move": None if x.zero_move is None else asdict(x.zero_move),
+                "set_aside_s": list(x.misread_s),
             }
             for x in found.task.experiments
         ],
@@ -284,5 +286,13 @@ def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
             lines.append(
                 f"{x.name}: from line {x.zero_move.row + FIRST_LINE} on the sensor reads {height} more, whatever is "
                 "commanded: its zero moved, and that was taken from the readings"
+            )
+        if x.misread_s:
+            listed = ", ".join(f"{t:.6g}" for t in x.misread_s[:MOST_LISTED])
+            more = ", …" if len(x.misread_s) > MOST_LISTED else ""
+            one = len(x.misread_s) == 1
+            lines.append(
+                f"{x.name}: {len(x.misread_s)} {'reading' if one else 'readings'} left out at {listed}{more} s: far "
+                "from both neighbours and from every simple structure"
             )
     return lines

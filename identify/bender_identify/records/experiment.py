@@ -44,6 +44,7 @@ class Experiment:
         timed: the times mean something.
         input_hold: what the voltage does between two rows.
         zero_move: of the sensor, taken from the readings; None where there was none.
+        misread_s: instants of isolated readings that were set aside, see `first_model.misread`.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Experiment:
     timed: bool = True
     input_hold: InputHold = "hold"
     zero_move: ZeroMove | None = None
+    misread_s: tuple[float, ...] = ()
 
     def fitting_all(self) -> "Experiment":
         """Return the experiment with every row that counts fitted."""

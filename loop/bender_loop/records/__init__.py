@@ -12,6 +12,7 @@
 | `further` | further inputs of a plant: what was measured beside the command and acts on the plant as well |
 | `initial_motion` | the command before the first row of a record that starts in motion |
 | `missing_rows` | rows that a logger has lost, put in between the others |
+| `outliers` | isolated readings far from both neighbours |
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |
 | `repeated_readings` | readings that a logger took twice |

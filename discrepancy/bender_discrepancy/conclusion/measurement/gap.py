@@ -28,12 +28,12 @@ from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask, Observations
-from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.judgement.score import difference
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
 from bender_loop.records.between_rows import Exposed
+from bender_loop.records.outliers import outlying
 from bender_loop.records.record import Record
 from bender_loop.shell.files import write_atomically
 from bender_plant.model import Model

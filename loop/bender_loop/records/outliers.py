@@ -11,18 +11,56 @@ comes out too short and its deviation too small.
 """
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.records.noise import deviation
-from bender_discrepancy.records.observations import Array, Mask, Observations
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
+_MAD_TO_DEVIATION = 1.4826
 FAR = 6.0
 AFTER_A_JUMP_ROWS = 3
 EXCEPTIONS = 0.05
 FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
+BULK = 0.95
+"""Of the readings: what the others reach may be misread."""
+
+
+class Readings(Protocol):
+    """Readings of a record, and the command that they answer."""
+
+    @property
+    def measured_um(self) -> Array:
+        """(n,) readings, NaN where lost."""
+        ...
+
+    @property
+    def usable(self) -> Mask:
+        """(n,) readings that count."""
+        ...
+
+    @property
+    def half_step_um(self) -> float:
+        """Half the step of coarse readings, 0 for none."""
+        ...
+
+    @property
+    def course_V(self) -> Array:
+        """(m,) the command of every row of the record from the first of these to the last."""
+        ...
+
+    @property
+    def places(self) -> NDArray[np.intp]:
+        """(n,) where the readings stand among those of `course_V`."""
+        ...
+
+
+def deviation(values: Array) -> float:
+    """Return the standard deviation of the bulk of the values (median absolute deviation)."""
+    return float(_MAD_TO_DEVIATION * np.median(np.abs(values - np.median(values)))) if values.size else 0.0
 
 
 def heights_after_jumps_V(voltage_V: Array, late_rows: int = 0) -> Iterator[Array]:
@@ -79,43 +117,59 @@ def late_stamps_um(readings_um: Array, residual: Array, noise_um: float) -> Arra
     return max(share**2 - by_noise**2, 0.0) ** 0.5 * way
 
 
-def outlying(observations: Observations, residual: Array, noise_um: float, *, without_late: bool = False) -> Mask:
+def outlying(readings: Readings, residual: Array, noise_um: float, *, without_late: bool = False) -> Mask:
     """Return the rows whose residual stands alone: far from neighbours that agree among themselves.
 
     Args:
-        observations: of a record.
+        readings: of a record.
         residual: of all its rows, µm.
         noise_um: of a reading.
         without_late: rows are left out that are off by no more than late stamps explain.
     """
-    rows = np.nonzero(observations.usable)[0]
+    rows = np.nonzero(readings.usable)[0]
     found = np.zeros(residual.size, dtype=bool)
     if rows.size < FEWEST_ROWS:
         return found
     # coarse readings: what lies beyond a step is nought for most of them, and one step more is no wonder
-    noise_um = max(noise_um, 2.0 * observations.half_step_um / FAR)
+    noise_um = max(noise_um, 2.0 * readings.half_step_um / FAR)
     middle, spread = neighbourhood_um(residual, rows)
     apart = np.abs(residual[rows] - middle)
     late_um = np.zeros(residual.size)
     if without_late:
-        late_um[rows] = late_stamps_um(observations.measured_um[rows] - residual[rows], residual[rows], noise_um)
+        late_um[rows] = late_stamps_um(readings.measured_um[rows] - residual[rows], residual[rows], noise_um)
     bulk = deviation(residual[rows] - middle)
     alone = apart > FAR * np.hypot(max(noise_um, bulk), late_um[rows])
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
-    late_rows = _late_rows(observations, residual, noise_um)
-    near = after_jumps(observations.course_V, late_rows)[observations.places]
-    return (found & ~near) | _among_jumps(observations, residual, np.hypot(noise_um, late_um), late_rows)
+    late_rows = _late_rows(readings, residual, noise_um)
+    found[rows] &= apart > FAR * _usual_after_jumps_um(readings, apart, late_rows)
+    return found | _among_jumps(readings, residual, np.hypot(noise_um, late_um), late_rows)
 
 
-def _late_rows(observations: Observations, residual: Array, noise_um: float) -> int:
+def _usual_after_jumps_um(readings: Readings, apart_um: Array, late_rows: int) -> Array:
+    """Return for every usable row how far the residual may ring after the jumps of the command before it, 0 elsewhere.
+
+    That is as far as the bulk of the readings goes for as many volts, or as far as it stands apart after half of the
+    jumps.
+    """
+    heights = [x[readings.places][readings.usable] for x in heights_after_jumps_V(readings.course_V, late_rows)]
+    jumps, near = np.count_nonzero(heights[0]), np.sum(heights, axis=0)
+    if jumps == 0:
+        return near
+    low, high = np.quantile(readings.measured_um[readings.usable], (0.5 - 0.5 * BULK, 0.5 + 0.5 * BULK))
+    by_stroke = float(high - low) / float(np.ptp(readings.course_V))
+    after = np.sort(apart_um[near > 0.0] / near[near > 0.0])[::-1]
+    return near * max(by_stroke, float(after[jumps // 2]))
+
+
+def _late_rows(readings: Readings, residual: Array, noise_um: float) -> int:
     """Return how many rows after a jump of the command the hypothesis begins to move, as a rule."""
-    known = np.isfinite(observations.measured_um) & np.isfinite(residual)
-    simulated = np.full(observations.course_V.size, np.nan)
-    simulated[observations.places] = np.where(known, observations.measured_um - residual, np.nan)
-    changes = np.flatnonzero(np.diff(observations.course_V)) + 1
+    known = np.isfinite(readings.measured_um) & np.isfinite(residual)
+    simulated = np.full(readings.course_V.size, np.nan)
+    simulated[readings.places] = np.where(known, readings.measured_um - residual, np.nan)
+    changes = np.flatnonzero(np.diff(readings.course_V)) + 1
     ends = np.append(changes[1:], simulated.size)[: changes.size]
-    jumps = next(heights_after_jumps_V(observations.course_V)) > 0.0
+    jumps = next(heights_after_jumps_V(readings.course_V)) > 0.0
     found = []
     for before, begin, end in zip(np.append(0, changes[:-1]), changes, ends, strict=True):
         # where the command rests before and after
@@ -126,13 +180,13 @@ def _late_rows(observations: Observations, residual: Array, noise_um: float) -> 
     return int(np.median(found)) if len(found) >= FEWEST_ROWS else 0
 
 
-def _among_jumps(observations: Observations, residual: Array, scatter_um: Array, late_rows: int) -> Mask:
+def _among_jumps(readings: Readings, residual: Array, scatter_um: Array, late_rows: int) -> Mask:
     """Return the rows after jumps that are an exception among them."""
     found = np.zeros(residual.size, dtype=bool)
     near = found.copy()
-    for of_all in heights_after_jumps_V(observations.course_V, late_rows):
-        heights = of_all[observations.places]
-        rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
+    for of_all in heights_after_jumps_V(readings.course_V, late_rows):
+        heights = of_all[readings.places]
+        rows = np.nonzero((heights > 0.0) & readings.usable & ~near)[0]
         near[rows] = True
         if rows.size >= FEWEST_ROWS:
             usual_um = float(np.median(scatter_um[rows]))
