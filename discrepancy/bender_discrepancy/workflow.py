@@ -6,6 +6,7 @@ The command, the benchmark of hidden effects, the demonstration and the notebook
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -290,12 +291,12 @@ def conclude(
     with ThreadPoolExecutor(1) as beside:
         # a core is free while the corrected FMU is driven in a process of its own
         visible = beside.submit(smallest_visible, found)
-        findings, gap, content = _measured(found, names, tell, box, driver)
+        findings, gap, content = measured_through_fmu(found, names, tell, box, driver)
         if found.best.hypothesis.all_parts and (why := refuted(found, gap)):
-            tell("held-out readings contradict the effects: removing them")
-            found = found.without_effects(why)
+            tell("held-out readings contradict the effects: trying the next best")
+            measured = partial(measured_through_fmu, names=names, tell=tell, box=box, driver=driver)
+            found, (findings, gap, content) = next_best(found, why, names, measured)
             visible = beside.submit(smallest_visible, found)
-            findings, gap, content = _measured(found, names, tell, box, driver)
     found = findings.search
     is_certain = any(x.grade == "certain" for x in found.grades.effects)
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
@@ -315,13 +316,35 @@ def conclude(
         lead = find_lead(found)
         joined = with_equation(found, lead) if box is None else None
         if joined is not None:
-            further = _measured(joined, names, tell, None, driver)
+            further = measured_through_fmu(joined, names, tell, None, driver)
             if not further[1].is_worse and further[1].after.rms_um < gap.after.rms_um:
                 findings, gap, content = further
     return Diagnosis(findings, gap, following, lead, tuple(names), content, visible.result())
 
 
-def _measured(
+def next_best(
+    found: SearchResult,
+    why: str,
+    names: Sequence[str],
+    measured: Callable[[SearchResult], tuple[Findings, Measured, bytes]],
+) -> tuple[SearchResult, tuple[Findings, Measured, bytes]]:
+    """Return what is left of a search whose effects held-out readings contradict, and its measurement.
+
+    Other effects that these readings do not contradict are at most likely; where there are none, nothing is named.
+    """
+    refuted = listed(found.best.hypothesis.effects) or "other numbers of the model"
+    for other in found.next_best():
+        _, gap, content = measured(other)
+        if gap.is_worse or gap.is_unproved:
+            continue
+        reason = f"held-out readings contradict {refuted}, which has fewer numbers and predicted the others as well"
+        lowered = other.without_certainty(reason, gap.closed[0])
+        return lowered, (with_origin(find(lowered).closing(gap), names), gap, content)
+    nothing = found.without_effects(why)
+    return nothing, measured(nothing)
+
+
+def measured_through_fmu(
     found: SearchResult, names: Sequence[str], tell: Progress, box: BlackBox | None, driver: Driver | None
 ) -> tuple[Findings, Measured, bytes]:
     tell("weighing the evidence")

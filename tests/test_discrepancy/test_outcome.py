@@ -302,7 +302,7 @@ def test_a_sensor_that_is_slower_than_the_rows_shows_no_effect_of_its_own():
     taken_twice = replace(whole, displacement_um=whole.displacement_um[::2].repeat(2))
     found = diagnose(load_model("paper"), [taken_twice])
     assert (found.verdict, [x.id for x in found.effects]) == ("named", ["backlash"])
-    assert any(x.startswith("750 readings repeat the one before") for x in warnings(found.findings))
+    assert any(x.startswith("750 readings: repeats of the one before") for x in warnings(found.findings))
 
 
 @examples(max_examples=6)

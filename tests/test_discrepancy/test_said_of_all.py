@@ -1,6 +1,7 @@
 """What is said of all rows and records, where the search saw a part of them or an effect belongs to one of them."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from bender_discrepancy.search.judgement.grades import grade
 from bender_discrepancy.search.judgement.rules import RULES, ended_without_answer
 from bender_discrepancy.search.judgement.verdict import PARTLY, decide
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.workflow import refuted
+from bender_discrepancy.workflow import measured_through_fmu, next_best, refuted
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -185,3 +186,37 @@ def test_why_effects_are_removed_names_what_leaves_less(lagging: SearchResult, t
     assert "with calibration alone 4 µm" in refuted(lagging, alone)
     own_numbers = lagging.with_search(replace(lagging.found, best=lagging.found.base))
     assert "numbers of its own" in refuted(own_numbers, alone)
+
+
+def test_where_held_out_readings_contradict_the_best_the_next_best_is_told_as_likely() -> None:
+    record = record_of(effects=LAGGING)
+    wrong, right = (hypothesis(PAPER, [record], x) for x in (("dead_zone", (0.1,)), LAG))
+    search = told([record], wrong, [right])
+    measured = partial(measured_through_fmu, names=["record"], tell=lambda _: None, box=None, driver=None)
+    found, (findings, gap, content) = next_best(search, "why", ["record"], measured)
+    assert found.best.hypothesis.effects == ("source_resistance",)
+    assert [x.grade for x in found.grades.effects] == ["likely"]
+    assert (findings.verdict, findings.search) == ("likely", found)
+    assert "held-out readings contradict dead_zone" in found.verdict.reason
+    assert gap.after.rms_um < 0.2 * gap.recalibrated.rms_um
+    assert content
+
+
+def test_where_they_contradict_all_of_them_nothing_is_named() -> None:
+    record = record_of(effects=LAGGING)
+    wrong, worse = (hypothesis(PAPER, [record], x) for x in (("dead_zone", (0.1,)), ("dead_zone", (0.2,))))
+    search = told([record], wrong, [worse])
+    found, _ = next_best(
+        search,
+        "why",
+        ["record"],
+        partial(measured_through_fmu, names=["record"], tell=lambda _: None, box=None, driver=None),
+    )
+    assert found.best.hypothesis.effects == ()
+    assert (found.verdict.word, found.verdict.reason) == ("unexplained", "why")
+
+
+def test_effects_that_are_removed_where_noise_alone_is_left_make_no_gap() -> None:
+    record = record_of()
+    search = told([record], hypothesis(PAPER, [record], LAG))
+    assert search.without_effects("why").verdict.word == "no_gap"

@@ -24,8 +24,8 @@ def lagging(volts: np.ndarray, time_constant_rows: float, rng: np.random.Generat
     return read * STROKE_um / 40.0 + NOISE_um * rng.standard_normal(volts.size)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("strokes", [1.0, 5.0, 200.0])
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("strokes", [1.0, 200.0])
 def test_a_few_misread_frames_do_not_move_the_first_model(strokes: float, seed: int):
     rng = np.random.default_rng(seed)
     volts = stairs(rng)

@@ -91,11 +91,35 @@ def test_a_record_that_lacks_nothing_is_the_same_one() -> None:
     assert completed(found := completed(without(whole, np.array([7, 50])))) is found
 
 
-@pytest.mark.parametrize("missing", [np.array([37]), np.arange(30, 60)])
-def test_a_command_that_is_held_was_held_meanwhile(missing: np.ndarray) -> None:
+def test_a_command_that_is_held_was_held_meanwhile() -> None:
     whole = moving()
-    record = without(Record(whole.time_s, np.repeat(np.arange(10.0), 40), whole.displacement_um), missing)
+    record = without(Record(whole.time_s, np.repeat(np.arange(10.0), 40), whole.displacement_um), np.array([37]))
     assert completed(record) is record
+
+
+@pytest.mark.parametrize("missing", [1, 20])
+def test_behind_a_pause_in_which_a_held_command_has_changed_readings_are_left_out(missing: int) -> None:
+    whole = moving()
+    first = 40 - missing // 2
+    record = without(
+        Record(whole.time_s, np.repeat(np.arange(10.0), 40), whole.displacement_um), first + np.arange(missing)
+    )
+    found = completed(record)
+    assert found.made_up is None
+    assert found.behind_pauses == max(missing, 8)
+    assert np.flatnonzero(np.isnan(found.displacement_um)).tolist() == list(range(first, first + max(missing, 8)))
+
+
+@pytest.mark.parametrize(("rows_a_turn", "left_out"), [(5.0, 8), (100.0, 0)])
+def test_readings_behind_a_pause_count_where_the_command_is_foretold_across_it(
+    rows_a_turn: float, left_out: int
+) -> None:
+    whole = moving()
+    volts = np.asarray(20.0 * np.sin(2.0 * np.pi * np.arange(ROWS) / rows_a_turn), dtype=np.float64)
+    found = completed(without(Record(whole.time_s, volts, whole.displacement_um), np.arange(100, 104)))
+    assert found.made_up is not None
+    assert found.made_up.sum() == 4
+    assert found.behind_pauses == left_out
 
 
 @pytest.mark.parametrize("missing", [MOST_AT_ONCE + 1, 220])
@@ -103,7 +127,7 @@ def test_behind_a_long_pause_readings_are_left_out_where_the_command_has_moved(m
     record = without(moving(), np.arange(100, 100 + missing))
     found = completed(record)
     assert len(found) == len(record)
-    assert found.behind_pauses == int(0.05 * len(record))
+    assert found.behind_pauses == min(missing, int(0.1 * len(record)))
     assert np.flatnonzero(np.isnan(found.displacement_um)).tolist() == list(range(100, 100 + found.behind_pauses))
     assert completed(found) is found
 

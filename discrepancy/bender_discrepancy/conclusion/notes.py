@@ -284,14 +284,14 @@ def _missing(search: SearchResult) -> list[str]:
 
 
 def _left_out_beforehand(search: SearchResult) -> list[str]:
-    repeated = "repeat the one before to the last digit: the sensor is slower than the rows; they are left out"
-    blind = f"behind a pause are left out: nobody knows which {input_word()} there was in it"
+    repeated = ": repeats of the one before to the last digit: the sensor is slower than the rows; left out"
+    blind = f" behind a pause, left out: nobody knows which {input_word()} there was in it"
     counts = [
         (k, n, told)
         for k, x in enumerate(search.records)
         for n, told in ((x.repeats, repeated), (x.behind_pauses, blind))
     ]
-    return [f"{_name(search, k)}{n} readings {told}" for k, n, told in counts if n]
+    return [f"{_name(search, k)}{n} {'reading' if n == 1 else 'readings'}{told}" for k, n, told in counts if n]
 
 
 def _zero_moved(search: SearchResult) -> list[str]:

@@ -14,7 +14,7 @@ from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.grades import Doubt, Grades, at_most_likely, contradicted, doubted, grade
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
-from bender_discrepancy.search.search import Searched
+from bender_discrepancy.search.search import Searched, parsimonious
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
@@ -126,12 +126,32 @@ class SearchResult:
         verdict = replace(decide(self.found, grades, self.rules), complete=self.verdict.complete)
         return replace(self, grades=grades, verdict=verdict)
 
+    def next_best(self) -> list["SearchResult"]:
+        """Return results with other effects: the simplest of those that predict as well as the best of them, and that.
+
+        Only what predicts better than the linear structure alone counts; of an excerpt there are none.
+        """
+        archive, best = self.archive, self.best
+        others = [x for x in archive.fits if set(x.hypothesis.effects) != set(best.hypothesis.effects)]
+        least = archive.best(x for x in others if self.rules.is_in_range(archive, x))
+        tried = [parsimonious(archive, self.rules, refuted=best), *([] if least is None else [least])]
+        better = [
+            x
+            for x in dict.fromkeys(tried)
+            if x.hypothesis.parts
+            and x.hypothesis.structure is best.hypothesis.structure
+            and self.rules.is_preferred(archive, x, self.found.base)
+        ]
+        return [] if self.excerpts else [self.with_search(replace(self.found, best=x)) for x in better]
+
     def without_effects(self, reason: str) -> "SearchResult":
-        """Return the result as if nothing had been found, and why."""
+        """Return the result as if nothing had been found, and why, where more than noise is left then."""
         found = replace(self.found, best=self.found.base)
-        return replace(
-            self, found=found, grades=grade(found, self.rules), verdict=Verdict("unexplained", reason, complete=False)
-        )
+        grades = grade(found, self.rules)
+        verdict = decide(found, grades, self.rules)
+        if verdict.word == "unexplained":
+            verdict = replace(verdict, reason=reason)
+        return replace(self, found=found, grades=grades, verdict=verdict)
 
 
 class BrokenOffError(RunError):

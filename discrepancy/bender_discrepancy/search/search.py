@@ -196,14 +196,15 @@ def improved(archive: Archive, catalogue: Catalogue, rules: Rules, fitted: Fitte
     return fitted
 
 
-def parsimonious(archive: Archive, rules: Rules) -> Fitted:
+def parsimonious(archive: Archive, rules: Rules, refuted: Fitted | None = None) -> Fitted:
     """Return the simplest hypothesis that predicts held-out blocks as well as the best one.
 
     As well is: within one standard error; or nothing is left in which the further effects could show; or they take off
     no more than the form of another effect may leave. Where no hypothesis is within its range, one without effects
-    stands.
+    stands. One of the same effects as a refuted one does not count.
     """
-    fits = [x for x in archive.fits if rules.is_in_range(archive, x)]
+    refused = None if refuted is None else set(refuted.hypothesis.effects)
+    fits = [x for x in archive.fits if set(x.hypothesis.effects) != refused and rules.is_in_range(archive, x)]
     fits = fits or [x for x in archive.fits if not x.hypothesis.parts]
     best = archive.best(fits) or fits[0]
     base, effects = _base(archive, best), set(best.hypothesis.effects)

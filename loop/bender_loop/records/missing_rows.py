@@ -3,7 +3,8 @@
 A device answers the commands of missing rows too. Where rows come at even times and the command moves from row to row,
 the last command that is there was not held meanwhile: a model that is driven as if it had been is led astray, and the
 readings behind the gap look like an effect. The commands that are there tell whether a cubic or a straight line
-foretells them better from their neighbours.
+foretells them better from their neighbours, and how well a straight line does across as many rows. Where it does not,
+nobody knows what the device went through, nor when a held command changed: readings behind the gap are left out.
 """
 
 from dataclasses import replace
@@ -22,8 +23,11 @@ MOVING_PART = 0.5
 """Of all rows, how many bring another command where it is not held."""
 MOST_AT_ONCE = 32
 """Missing rows in a row; which way a command took in a longer pause nobody can guess."""
-BLIND_PART, MOST_BLIND = 0.05, 200
-"""Of the rows, and rows: behind such a pause no more readings are left out, and no more than are missing."""
+FORETOLD, WINDOWS = 0.1, 500
+"""Of the spread of the command, what a straight line across so many rows may be off; and where that is tried."""
+LEAST_BLIND, BLIND_PART, MOST_BLIND = 8, 0.1, 200
+"""Rows, part of the rows, and rows: behind a pause of unknown commands as many readings are left out as are missing,
+within these."""
 BETTER, MOST_SMOOTH = 0.5, 8
 """Of the error of a straight line, what a cubic leaves where it is taken; and missing rows in a row that it bridges."""
 MOST_PART = 0.5
@@ -34,9 +38,10 @@ def completed(record: Record) -> Record:
     """Return a record with the rows that are missing put in; the same one where none are, or none can be."""
     if record.made_up is not None or record.behind_pauses:
         return record
-    steps = _steps(record)
-    record = _without_what_follows(record, steps)
-    missing = _missing(steps)
+    missing = _missing(record)
+    record = _without_what_follows(record, missing)
+    moves = np.count_nonzero(np.diff(record.voltage_V)) >= MOVING_PART * len(record)
+    missing = np.where((missing <= MOST_AT_ONCE) & moves, missing, 0)
     total = int(missing.sum())
     if total == 0 or total > MOST_PART * len(record):
         return record
@@ -85,27 +90,38 @@ def _commands(voltage_V: Array, missing: NDArray[np.int64], places: NDArray[np.i
     return found
 
 
-def _steps(record: Record) -> Array:
-    """Return the time from row to row in rows (n - 1,); of a clock that is not even, or a command that is held, 1."""
+def _missing(record: Record) -> NDArray[np.int64]:
+    """Return how many rows are missing behind each but the last one (n - 1,); none where the clock is not even."""
     steps = np.diff(record.time_s)
     steps = steps / np.median(steps)
     near = np.maximum(np.round(steps), 1.0)
-    is_even = np.mean(near == 1.0) >= EVEN_PART and np.mean(np.abs(steps - near) <= EVEN) >= EVEN_PART
-    moves = 2 * np.count_nonzero(np.diff(record.voltage_V)) >= 2 * MOVING_PART * len(record)
-    return steps if is_even and moves else np.ones(steps.size)
+    apart = np.abs(steps - near)
+    if np.mean(near == 1.0) < EVEN_PART or np.mean(apart <= EVEN) < EVEN_PART:
+        return np.zeros(steps.size, dtype=np.int64)
+    # over many rows an uneven clock adds up
+    return np.where(apart <= EVEN * np.sqrt(near), near - 1.0, 0.0).astype(np.int64)
 
 
-def _missing(steps: Array) -> NDArray[np.int64]:
-    """Return how many rows are missing behind each but the last one (n - 1,)."""
-    found = np.round(steps)
-    gaps = (found > 1.0) & (np.abs(steps - found) <= EVEN) & (found - 1.0 <= MOST_AT_ONCE)
-    return np.where(gaps, found - 1.0, 0.0).astype(np.int64)
-
-
-def _without_what_follows(record: Record, steps: Array) -> Record:
-    """Return a record without the readings behind long pauses in which the command has moved."""
-    readings, most = record.displacement_um.copy(), min(MOST_BLIND, int(BLIND_PART * len(record)))
-    for k in np.flatnonzero((steps - 1.0 > MOST_AT_ONCE) & (np.diff(record.voltage_V) != 0.0)).tolist():
-        readings[k + 1 : k + 1 + min(most, round(steps[k]) - 1)] = np.nan
+def _without_what_follows(record: Record, missing: NDArray[np.int64]) -> Record:
+    """Return a record without the readings behind pauses in which the command went a way that nobody can guess."""
+    readings, volts = record.displacement_um.copy(), record.voltage_V
+    most = min(MOST_BLIND, int(BLIND_PART * len(record)))
+    for k in np.flatnonzero((missing > 0) & (np.diff(volts) != 0.0)).tolist():
+        if missing[k] > MOST_AT_ONCE or not _is_foretold(volts, int(missing[k])):
+            readings[k + 1 : k + 1 + min(most, max(LEAST_BLIND, int(missing[k])))] = np.nan
     count = int(np.count_nonzero(np.isfinite(record.displacement_um) & np.isnan(readings)))
     return replace(record, displacement_um=readings, behind_pauses=count) if count else record
+
+
+def _is_foretold(volts: Array, missing: int) -> bool:
+    """Return whether a straight line across so many rows, between commands that differ, meets those between them."""
+    begins = np.arange(volts.size - missing - 1)
+    begins = begins[volts[begins] != volts[begins + missing + 1]]
+    begins = begins[:: 1 + begins.size // WINDOWS]
+    if begins.size == 0:
+        return False
+    part = np.arange(1, missing + 1) / (missing + 1.0)
+    first, last = volts[begins, None], volts[begins + missing + 1, None]
+    between = volts[begins[:, None] + np.arange(1, missing + 1)]
+    off = float(np.mean(np.square(first + part * (last - first) - between)))
+    return off <= FORETOLD**2 * float(np.var(volts))

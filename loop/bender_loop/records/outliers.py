@@ -25,6 +25,7 @@ AFTER_A_JUMP_ROWS = 3
 EXCEPTIONS = 0.05
 FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
+OVERSHOOT = 2.0
 BULK = 0.95
 """Of the readings: what the others reach may be misread."""
 
@@ -142,15 +143,15 @@ def outlying(readings: Readings, residual: Array, noise_um: float, *, without_la
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
     late_rows = _late_rows(readings, residual, noise_um)
-    found[rows] &= apart > FAR * _usual_after_jumps_um(readings, apart, late_rows)
+    found[rows] &= apart > _most_after_jumps_um(readings, apart, late_rows)
     return found | _among_jumps(readings, residual, np.hypot(noise_um, late_um), late_rows)
 
 
-def _usual_after_jumps_um(readings: Readings, apart_um: Array, late_rows: int) -> Array:
+def _most_after_jumps_um(readings: Readings, apart_um: Array, late_rows: int) -> Array:
     """Return for every usable row how far the residual may ring after the jumps of the command before it, 0 elsewhere.
 
-    That is as far as the bulk of the readings goes for as many volts, or as far as it stands apart after half of the
-    jumps.
+    That is twice as far as the bulk of the readings goes for as many volts, the most that a mode overshoots, and as far
+    as chance may lead where it stands apart after half of the jumps.
     """
     heights = [x[readings.places][readings.usable] for x in heights_after_jumps_V(readings.course_V, late_rows)]
     jumps, near = np.count_nonzero(heights[0]), np.sum(heights, axis=0)
@@ -159,7 +160,7 @@ def _usual_after_jumps_um(readings: Readings, apart_um: Array, late_rows: int) -
     low, high = np.quantile(readings.measured_um[readings.usable], (0.5 - 0.5 * BULK, 0.5 + 0.5 * BULK))
     by_stroke = float(high - low) / float(np.ptp(readings.course_V))
     after = np.sort(apart_um[near > 0.0] / near[near > 0.0])[::-1]
-    return near * max(by_stroke, float(after[jumps // 2]))
+    return near * max(OVERSHOOT * by_stroke, FAR * float(after[jumps // 2]))
 
 
 def _late_rows(readings: Readings, residual: Array, noise_um: float) -> int:
