@@ -347,6 +347,11 @@ def next_best(
 def measured_through_fmu(
     found: SearchResult, names: Sequence[str], tell: Progress, box: BlackBox | None, driver: Driver | None
 ) -> tuple[Findings, Measured, bytes]:
+    """Return what is reported of a search, the gap as its corrected FMU leaves it, and that FMU.
+
+    Raises:
+        RunError: the FMU could not be driven.
+    """
     tell("weighing the evidence")
     findings = with_origin(find(found), names)
     if box is not None and box.measured is not None:

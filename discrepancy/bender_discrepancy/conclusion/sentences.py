@@ -83,7 +83,8 @@ def _likely(findings: Findings) -> str:
     """Return the leading suspects, and how sure the first is."""
     first, *others = findings.added
     sure = "" if first.contender is None else f" (probability {chance(first.contender.probability)})"
-    return f"Probably missing: {listed([title_of(first.id) + sure, *(title_of(x.id) for x in others)])}."
+    word = "Possibly" if first.grade == "possible" else "Probably"
+    return f"{word} missing: {listed([title_of(first.id) + sure, *(title_of(x.id) for x in others)])}."
 
 
 def _unexplained(findings: Findings, measured: Measured) -> str:

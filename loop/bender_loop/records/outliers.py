@@ -22,9 +22,11 @@ Mask = NDArray[np.bool_]
 _MAD_TO_DEVIATION = 1.4826
 FAR = 6.0
 AFTER_A_JUMP_ROWS = 3
-EXCEPTIONS = 0.05
+EXCEPTIONS, NORMAL_TAIL = 0.05, 1.96
+"""Part of the rows, and the standard deviations beyond which it lies where they are normal."""
 FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
+TINY = 1e-300
 OVERSHOOT = 2.0
 BULK = 0.95
 """Of the readings: what the others reach may be misread."""
@@ -182,9 +184,12 @@ def _late_rows(readings: Readings, residual: Array, noise_um: float) -> int:
 
 
 def _among_jumps(readings: Readings, residual: Array, scatter_um: Array, late_rows: int) -> Mask:
-    """Return the rows after jumps that are an exception among them."""
-    found = np.zeros(residual.size, dtype=bool)
-    near = found.copy()
+    """Return the rows after jumps that are an exception among them.
+
+    In units of what is usual so many rows after a jump of that height; where these have long tails, of the tails.
+    """
+    sizes = np.zeros(residual.size)
+    near = np.zeros(residual.size, dtype=bool)
     for of_all in heights_after_jumps_V(readings.course_V, late_rows):
         heights = of_all[readings.places]
         rows = np.nonzero((heights > 0.0) & readings.usable & ~near)[0]
@@ -192,5 +197,9 @@ def _among_jumps(readings: Readings, residual: Array, scatter_um: Array, late_ro
         if rows.size >= FEWEST_ROWS:
             usual_um = float(np.median(scatter_um[rows]))
             ringing = max(deviation(residual[rows]) ** 2 - usual_um**2, 0.0) ** 0.5 / np.median(heights[rows])
-            found[rows] = np.abs(residual[rows]) > FAR * np.hypot(scatter_um[rows], ringing * heights[rows])
-    return found if found.sum() <= EXCEPTIONS * near.sum() else np.zeros(residual.size, dtype=bool)
+            usual = np.hypot(scatter_um[rows], ringing * heights[rows])
+            sizes[rows] = np.abs(residual[rows]) / np.maximum(usual, TINY)
+    if not near.any():
+        return near
+    tails = float(np.quantile(sizes[near], 1.0 - EXCEPTIONS)) / NORMAL_TAIL
+    return sizes > FAR * max(tails, 1.0)
