@@ -57,9 +57,10 @@ from bender_discrepancy.search.start import better_beginning
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import between_rows_decided, competing_structures, rebased
 from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
+from bender_identify.records.memory import memory_s
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
-from bender_loop.records.missing_rows import completed
+from bender_loop.records.missing_rows import completed, without_remembered
 from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
 from bender_loop.records.sizes import LEAST_SPAN
@@ -69,7 +70,7 @@ from bender_plant.blocks.periodic_disturbance import ringing_step_s
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
-from bender_report.wording import listed
+from bender_report.wording import HALF_WIDTH, listed
 
 MOST_EFFECTS = 5
 # what an effect of the ringing is sized by in a model that has none
@@ -232,6 +233,7 @@ def diagnose(
         how = between_rows_decided(records, how, sources)
         given, *others = competing_structures(records, how, sources)
     assert given is not None
+    records = [without_remembered(x, memory_s(given)) for x in records]
     with Driver() as driver:
         with compile_in_background(lambda: _tried_first(given)):
             if base is not None:
@@ -332,13 +334,17 @@ def next_best(
 
     Other effects that these readings do not contradict are at most likely; where there are none, nothing is named.
     """
-    refuted = listed(found.best.hypothesis.effects) or "other numbers of the model"
+    refuted = listed(found.best.hypothesis.effects) or "other numbers"
     for other in found.next_best():
         _, gap, content = measured(other)
-        if gap.is_worse or gap.is_unproved:
+        share, error = gap.closed
+        if gap.is_worse or not share > HALF_WIDTH * error:
             continue
-        reason = f"held-out readings contradict {refuted}, which has fewer numbers and predicted the others as well"
-        lowered = other.without_certainty(reason, gap.closed[0])
+        reason = (
+            f"held-out readings contradict a model with {refuted} and nothing else missing; this is the next best, "
+            "which they do not contradict"
+        )
+        lowered = other.without_certainty(reason, share, complete=other.grades.complete)
         return lowered, (with_origin(find(lowered).closing(gap), names), gap, content)
     nothing = found.without_effects(why)
     return nothing, measured(nothing)

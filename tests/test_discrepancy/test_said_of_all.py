@@ -1,5 +1,6 @@
 """What is said of all rows and records, where the search saw a part of them or an effect belongs to one of them."""
 
+import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,8 +10,8 @@ import pytest
 from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_discrepancy.conclusion.diagnosis_json import outcome
-from bender_discrepancy.conclusion.findings import RecalibratedNumber, find
-from bender_discrepancy.conclusion.measurement.gap import measure
+from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, find
+from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import more_than_noise, row_of_file
 from bender_discrepancy.conclusion.sentences import gap_sentence, headline
 from bender_discrepancy.effects.form import growth, monotone
@@ -197,7 +198,7 @@ def test_where_held_out_readings_contradict_the_best_the_next_best_is_told_as_li
     assert found.best.hypothesis.effects == ("source_resistance",)
     assert [x.grade for x in found.grades.effects] == ["likely"]
     assert (findings.verdict, findings.search) == ("likely", found)
-    assert "held-out readings contradict dead_zone" in found.verdict.reason
+    assert "held-out readings contradict a model with dead_zone and nothing else missing" in found.verdict.reason
     assert gap.after.rms_um < 0.2 * gap.recalibrated.rms_um
     assert content
 
@@ -220,3 +221,29 @@ def test_effects_that_are_removed_where_noise_alone_is_left_make_no_gap() -> Non
     record = record_of()
     search = told([record], hypothesis(PAPER, [record], LAG))
     assert search.without_effects("why").verdict.word == "no_gap"
+
+
+def test_what_held_out_readings_refute_is_no_rival_of_what_takes_its_place() -> None:
+    beam = load_model("beam")
+    record = record_of("beam", effects={"sensor_lag": {"time_constant_s": 0.06}})
+    refuted, other = (hypothesis(beam, [record], (x, (0.06,))) for x in ("source_resistance", "sensor_lag"))
+    search = told([record], refuted, [other], base=beam)
+    assert [x.id for x in search.grades.effects[0].near_rivals] == ["sensor_lag"]
+    (found, *_) = search.next_best()
+    assert found.best.hypothesis.effects == ("sensor_lag",)
+    assert found.grades.effects[0].open_rivals == ()
+    assert found.verdict.word != "ambiguous"
+
+
+def test_where_held_out_readings_show_no_gap_no_next_best_is_told() -> None:
+    record = record_of(effects=LAGGING)
+    wrong, right = (hypothesis(PAPER, [record], x) for x in (("dead_zone", (0.1,)), LAG))
+    search = told([record], wrong, [right])
+
+    def without_a_gap(found: SearchResult) -> tuple[Findings, Measured, bytes]:
+        findings, gap, content = measured_through_fmu(found, ["record"], lambda _: None, None, None)
+        assert not gap.is_worse
+        return findings, replace(gap, closed=(math.nan, math.inf)), content
+
+    found, _ = next_best(search, "why", ["record"], without_a_gap)
+    assert found.best.hypothesis.effects == ()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_loop.records.further import Further
-from bender_loop.records.missing_rows import MOST_AT_ONCE, completed
+from bender_loop.records.missing_rows import MOST_AT_ONCE, completed, without_remembered
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
 
@@ -170,3 +170,49 @@ def test_a_plant_that_is_driven_with_a_record_answers_the_missing_rows_too() -> 
     found, expected = replay(Sum(), lost), replay(Sum(), whole)
     assert found.simulated_um == pytest.approx(expected.simulated_um[kept], abs=1e-9)
     assert found.acting_V == pytest.approx(expected.acting_V[kept], abs=1e-9)
+
+
+def test_a_logger_that_takes_rows_when_something_happens_lacks_none() -> None:
+    rng = np.random.default_rng(4)
+    levels = rng.uniform(0.0, 40.0, 20)
+    bursts_s = np.concatenate([k + np.arange(12.0) / 1e3 for k in range(20)])
+    bursts = Record(bursts_s, np.repeat(levels, 12), rng.standard_normal(240))
+    assert completed(bursts) is bursts
+    steps_s = np.concatenate([[0.0], np.cumsum(np.tile([1.0] * 59 + [30.0] * 6, 12))[:-1]])
+    sparse_at_rest = Record(steps_s, np.repeat(levels[:12], 65), rng.standard_normal(780))
+    assert completed(sparse_at_rest) is sparse_at_rest
+
+
+def test_single_rows_lost_of_what_is_well_foretold_take_no_readings_with_them() -> None:
+    rng = np.random.default_rng(5)
+    rows = np.arange(2000)
+    phases = rng.uniform(0.0, 6.3, 12)
+    waves = [np.sin(2.0 * np.pi * f * rows + p) for f, p in zip(np.linspace(0.005, 0.1, 12), phases, strict=True)]
+    lost = rng.choice(np.arange(10, 1990), 100, replace=False)
+    found = completed(without(Record(np.arange(2000.0) / 1e3, np.sum(waves, axis=0), np.zeros(2000)), lost))
+    assert found.made_up is not None
+    assert found.made_up.sum() == 100
+    assert found.behind_pauses == 0
+
+
+def test_a_staircase_whose_command_is_read_back_with_noise_is_known_but_at_its_steps() -> None:
+    rng = np.random.default_rng(6)
+    volts = np.repeat(rng.uniform(0.0, 40.0, 80), 25) + 1e-3 * rng.standard_normal(2000)
+    lost = np.concatenate([[500], 25 * np.arange(1, 70) + 12])
+    found = completed(without(Record(np.arange(2000.0) / 1e3, volts, np.zeros(2000)), lost))
+    assert found.pauses == (501,)
+    assert found.behind_pauses == 8
+
+
+def test_no_more_than_a_quarter_of_the_readings_is_left_out() -> None:
+    rng = np.random.default_rng(7)
+    lost = rng.choice(np.arange(2, 1998), 150, replace=False)
+    record = without(Record(np.arange(2000.0) / 1e3, rng.uniform(0.0, 40.0, 2000), np.zeros(2000)), lost)
+    assert completed(record).behind_pauses == 0
+    short = completed(without(moving(), np.arange(100, 140)))
+    assert short.behind_pauses == 36
+    assert without_remembered(short, 0.0) is short
+    longer = without_remembered(short, 0.375)
+    assert longer.behind_pauses == 38
+    assert np.flatnonzero(np.isnan(longer.displacement_um)).tolist() == list(range(100, 138))
+    assert without_remembered(short, 1e3).behind_pauses <= 0.1 * len(short) + 40

@@ -11,7 +11,15 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Doubt, Grades, at_most_likely, contradicted, doubted, grade
+from bender_discrepancy.search.judgement.grades import (
+    Doubt,
+    Grades,
+    at_most_likely,
+    contradicted,
+    doubted,
+    grade,
+    relevant_part,
+)
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.search.search import Searched, parsimonious
@@ -104,17 +112,18 @@ class SearchResult:
         grades = grade(found, self.rules)
         return replace(self, found=found, grades=grades, verdict=judged(decide(found, grades, self.rules)))
 
-    def without_certainty(self, reason: str, closed: float | None = None) -> "SearchResult":
+    def without_certainty(self, reason: str, closed: float | None = None, *, complete: bool = False) -> "SearchResult":
         """Return the result with none of its effects certain, and why.
 
         Args:
             reason: in one sentence.
             closed: part of the gap that unseen rows close; None where they contradict nothing.
+            complete: whether nothing is left above the noise floor.
         """
         lowered = (at_most_likely(x) if closed is None else contradicted(x, closed) for x in self.grades.effects)
         effects = tuple(lowered)
         word = "likely" if self.verdict.word == "named" else self.verdict.word
-        verdict = Verdict(word, reason, complete=False)
+        verdict = Verdict(word, reason, complete)
         return replace(self, grades=replace(self.grades, effects=effects), verdict=verdict)
 
     def with_doubts(self, doubts: Mapping[int, Doubt]) -> "SearchResult":
@@ -129,20 +138,33 @@ class SearchResult:
     def next_best(self) -> list["SearchResult"]:
         """Return results with other effects: the simplest of those that predict as well as the best of them, and that.
 
-        Only what predicts better than the linear structure alone counts; of an excerpt there are none.
+        Only what predicts better than the linear structure alone counts, with all that a witness shows; of an excerpt
+        there are none. What is refuted is no rival of what takes its place.
         """
-        archive, best = self.archive, self.best
-        others = [x for x in archive.fits if set(x.hypothesis.effects) != set(best.hypothesis.effects)]
+        archive, refuted = self.archive, self.best.hypothesis
+        others = [x for x in archive.fits if set(x.hypothesis.effects) != set(refuted.effects)]
         least = archive.best(x for x in others if self.rules.is_in_range(archive, x))
-        tried = [parsimonious(archive, self.rules, refuted=best), *([] if least is None else [least])]
+        tried = [parsimonious(archive, self.rules, refuted=self.best), *([] if least is None else [least])]
+        closer = [archive.fit(x.hypothesis, closely=True) or x for x in dict.fromkeys(tried)]
+        found = [relevant_part(replace(self.found, best=x), self.rules) for x in closer]
         better = [
             x
-            for x in dict.fromkeys(tried)
-            if x.hypothesis.parts
-            and x.hypothesis.structure is best.hypothesis.structure
-            and self.rules.is_preferred(archive, x, self.found.base)
+            for x in found
+            if x.best.hypothesis.parts
+            and set(x.best.hypothesis.effects) != set(refuted.effects)
+            and x.best.hypothesis.structure is refuted.structure
+            and x.best.hypothesis.keeps_shown_of(refuted)
+            and self.rules.is_preferred(archive, x.best, self.found.base)
         ]
-        return [] if self.excerpts else [self.with_search(replace(self.found, best=x)) for x in better]
+        return [] if self.excerpts else [self.with_search(x)._without_rivals(set(refuted.effects)) for x in better]
+
+    def _without_rivals(self, refuted: set[str]) -> "SearchResult":
+        effects = tuple(
+            replace(x, rivals=tuple(y for y in x.rivals if set(y.fitted.hypothesis.effects) != refuted))
+            for x in self.grades.effects
+        )
+        grades = replace(self.grades, effects=effects)
+        return replace(self, grades=grades, verdict=decide(self.found, grades, self.rules))
 
     def without_effects(self, reason: str) -> "SearchResult":
         """Return the result as if nothing had been found, and why, where more than noise is left then."""

@@ -69,13 +69,16 @@ def search(
     Raises:
         ValueError: the model as given cannot be simulated under the drive of the records.
     """
-    archive = Archive(problem)
+    archive, before = Archive(problem), problem.work_substeps
     best = archive.set_aside(_root(archive, catalogue, rules))
     roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
     beam, in_vain, stopped = leading_fits(roots, len(catalogue.kits)), 0, False
     most_substeps = BUDGET.work_for(problem.all_rows, catalogue.most) - spent_substeps
+    most_substeps = max(most_substeps, BUDGET.work_for(problem.all_rows, 0))
+    done = 0
     while beam and _goes_on(archive, rules, best, in_vain):
-        if stopped := not _is_affordable(archive, problem, best, most_substeps):
+        done = _done_substeps(problem.work_substeps - before)
+        if stopped := done > min(BUDGET.work_for(archive.problem.all_rows, len(best.hypothesis.parts)), most_substeps):
             break
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
         if not (
@@ -91,8 +94,8 @@ def search(
             return search(
                 other, catalogue, rules, tell, keep, spent_substeps=problem.work_substeps - other.work_substeps
             )
-        before, best = best, parsimonious(archive, rules)
-        in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
+        earlier, best = best, parsimonious(archive, rules)
+        in_vain = 0 if _has_gained(archive, rules, earlier, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
         beam = leading_fits(
             [x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(archive, x)]
@@ -105,7 +108,7 @@ def search(
     if (other := begin(found)) is None:
         return found
     tell("another beginning of the record fits better: searching again")
-    return search(other, catalogue, rules, tell, keep, spent_substeps=problem.work_substeps - other.work_substeps)
+    return search(other, catalogue, rules, tell, keep, spent_substeps=spent_substeps + done)
 
 
 def _say_step(tell: Progress, archive: Archive, catalogue: Catalogue, depth: int, models: int, place: int) -> None:
@@ -396,7 +399,7 @@ def _is_nearly_done(archive: Archive, fitted: Fitted) -> bool:
     return fitted.training_square <= rows * (BUDGET.nearly_done * archive.noise_um) ** 2
 
 
-def _is_affordable(archive: Archive, begun: FitProblem, best: Fitted, most_substeps: float) -> bool:
+def _done_substeps(simulated: int) -> int:
+    """Return the work of a search before a step, counting that of the search that it goes on with."""
     journal = current_journal()
-    done = begun.work_substeps if journal is None else journal.work_so_far(begun.work_substeps)
-    return done <= min(BUDGET.work_for(archive.problem.all_rows, len(best.hypothesis.parts)), most_substeps)
+    return simulated if journal is None else journal.work_so_far(simulated)

@@ -5,6 +5,7 @@ rows before, simple structures are fitted with each course and judged on blocks 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,11 +14,11 @@ from threadpoolctl import threadpool_limits
 from bender_identify.first_model.choice import Scored, is_better, structures_scored
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import CANNOT_BE, FitTask
-from bender_identify.first_model.misread import SIMPLE, without_misread
+from bender_identify.first_model.misread import SIMPLE, memory_of, without_misread
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
 from bender_loop.records.distinct import refuse_twice_the_same
-from bender_loop.records.missing_rows import completed
+from bender_loop.records.missing_rows import completed, without_remembered
 from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
 from bender_loop.records.zero_move import without_zero_move
@@ -47,17 +48,32 @@ def experiments_of(
     """
     names = names or [f"record {k + 1}" for k in range(len(records))]
     refuse_twice_the_same(names, records)
-    records = [completed(without_zero_move(without_repeats(x))) for x in records]
+    known = _known(records, names, "hold" if input_hold == "auto" else input_hold)
+    return _ready(known, names, _course(known, names) if input_hold == "auto" else input_hold)
 
-    def ready(course: InputHold) -> list[Experiment]:
-        rows = zip(records, names, strict=True)
-        return without_misread([experiment_of(x, name, Settings(), course, any_answer=True) for x, name in rows])
 
-    if input_hold != "auto":
-        return ready(input_hold)
-    held = ready("hold")
-    course = course_between_rows(records, names)
-    return held if course == "hold" else ready(course)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """A record without the readings that nothing can be learned from, and when some of these were misread."""
+
+    record: Record
+    misread_s: tuple[float, ...] = ()
+
+
+def _known(records: Sequence[Record], names: Sequence[str], input_hold: InputHold) -> list[_Known]:
+    found = [_Known(completed(without_zero_move(without_repeats(x)))) for x in records]
+    if any(x.record.pauses for x in found):
+        memory_s = memory_of(_ready(found, names, input_hold))
+        found = [_Known(without_remembered(x.record, memory_s)) for x in found]
+    kept = without_misread(_ready(found, names, input_hold))
+    return [
+        _Known(replace(x.record, displacement_um=y.measured_um), y.misread_s) for x, y in zip(found, kept, strict=True)
+    ]
+
+
+def _ready(known: Sequence[_Known], names: Sequence[str], course: InputHold) -> list[Experiment]:
+    made = [experiment_of(x.record, n, Settings(), course, any_answer=True) for x, n in zip(known, names, strict=True)]
+    return [replace(y, misread_s=x.misread_s) for x, y in zip(known, made, strict=True)]
 
 
 @threadpool_limits.wrap(limits=1)
@@ -73,12 +89,19 @@ def course_between_rows(records: Sequence[Record], names: Sequence[str] = ()) ->
     """
     if not any(_answers_at_once(x) for x in records):
         return "hold"
+    names = names or [f"record {k + 1}" for k in range(len(records))]
+    return _course(_known(records, names, "hold"), names)
+
+
+def _course(known: Sequence[_Known], names: Sequence[str]) -> InputHold:
+    if not any(_answers_at_once(x.record) for x in known):
+        return "hold"
     found: InputHold = "hold"
-    best = _best(records, names, "hold")
-    straight = _best(records, names, "linear")
+    best = _best(known, names, "hold")
+    straight = _best(known, names, "linear")
     if _is_better(straight, best, MOST_LEFT):
         found, best = "linear", straight
-    smooth = _best(records, names, "smooth") if all(_may_be_band_limited(x) for x in records) else None
+    smooth = _best(known, names, "smooth") if all(_may_be_band_limited(x.record) for x in known) else None
     return "smooth" if _is_better(smooth, best, MOST_LEFT if found == "hold" else 1.0) else found
 
 
@@ -90,9 +113,9 @@ def _is_better(one: Scored | None, other: Scored | None, most_left: float) -> bo
     return is_less and is_better(other.left, one.left)
 
 
-def _best(records: Sequence[Record], names: Sequence[str], course: InputHold) -> Scored | None:
+def _best(known: Sequence[_Known], names: Sequence[str], course: InputHold) -> Scored | None:
     """Return the simple structure that predicts unseen blocks best; None where none can be simulated."""
-    experiments = experiments_of(records, names, course)
+    experiments = _ready(known, names, course)
     try:
         scores = structures_scored(FitTask.of(excerpts(experiments, stretches=True), rough=True), only=SIMPLE)
     except CANNOT_BE:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from bender_identify.first_model.choice import structures_scored
 from bender_identify.first_model.excerpt import excerpts
-from bender_identify.first_model.fit import CANNOT_BE, Array, FitTask, Mask, evaluated
+from bender_identify.first_model.fit import CANNOT_BE, Array, FirstFit, FitTask, Mask, evaluated
 from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import Experiment
+from bender_identify.records.memory import memory_s
 from bender_loop.records.outliers import EXCEPTIONS, deviation, outlying
 
 SIMPLE = Structure(lags=1, modes=1)
@@ -76,11 +77,24 @@ def _standing_apart(x: _Readings, residual: Array) -> Mask:
     return outlying(x, residual, deviation(np.diff(known)) / np.sqrt(2.0))
 
 
+def memory_of(experiments: Sequence[Experiment]) -> float:
+    """Return how long in s the simple structure that fits best answers a command; 0 where none can be simulated."""
+    try:
+        best = _best_simple(experiments)
+        return memory_s(best.structure.model(best.values))
+    except CANNOT_BE:
+        return 0.0
+
+
+def _best_simple(experiments: Sequence[Experiment]) -> FirstFit:
+    scores = structures_scored(FitTask.of(excerpts(experiments), rough=True), only=SIMPLE)
+    return min(scores, key=lambda x: x.held_out_rms).fit
+
+
 def _left_by_simple(experiments: Sequence[Experiment], kept: Sequence[Experiment]) -> list[Array] | None:
     """Return what the simple structure that fits kept readings best leaves of all; None where none can be simulated."""
     try:
-        scores = structures_scored(FitTask.of(excerpts(kept), rough=True), only=SIMPLE)
-        best = min(scores, key=lambda x: x.held_out_rms).fit
+        best = _best_simple(kept)
         whole = FitTask.of(experiments, rough=True)
         fit = evaluated(whole, best.structure, best.values, [x.fitted | x.held_out for x in kept])
     except CANNOT_BE:

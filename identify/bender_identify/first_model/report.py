@@ -293,6 +293,6 @@ def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
             one = len(x.misread_s) == 1
             lines.append(
                 f"{x.name}: {len(x.misread_s)} {'reading' if one else 'readings'} left out at {listed}{more} s: far "
-                "from both neighbours and from every simple structure"
+                "from their neighbours and from the best simple structure"
             )
     return lines

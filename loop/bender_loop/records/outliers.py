@@ -28,8 +28,7 @@ FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
 TINY = 1e-300
 OVERSHOOT = 2.0
-BULK = 0.95
-"""Of the readings: what the others reach may be misread."""
+"""Times the height of a step, what a mode without damping adds to it and the step itself."""
 
 
 class Readings(Protocol):
@@ -145,24 +144,26 @@ def outlying(readings: Readings, residual: Array, noise_um: float, *, without_la
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
     late_rows = _late_rows(readings, residual, noise_um)
-    found[rows] &= apart > _most_after_jumps_um(readings, apart, late_rows)
+    found[rows] &= apart > _most_after_jumps_um(readings, rows, apart, found[rows], late_rows)
     return found | _among_jumps(readings, residual, np.hypot(noise_um, late_um), late_rows)
 
 
-def _most_after_jumps_um(readings: Readings, apart_um: Array, late_rows: int) -> Array:
+def _most_after_jumps_um(
+    readings: Readings, rows: NDArray[np.int64], apart_um: Array, alone: Mask, late_rows: int
+) -> Array:
     """Return for every usable row how far the residual may ring after the jumps of the command before it, 0 elsewhere.
 
-    That is twice as far as the bulk of the readings goes for as many volts, the most that a mode overshoots, and as far
-    as chance may lead where it stands apart after half of the jumps.
+    That is twice as far as the readings that do not stand alone go for as many volts, the most that a mode overshoots,
+    and as far as chance may lead where it stands apart after half of the jumps.
     """
-    heights = [x[readings.places][readings.usable] for x in heights_after_jumps_V(readings.course_V, late_rows)]
-    jumps, near = np.count_nonzero(heights[0]), np.sum(heights, axis=0)
+    heights = [x[readings.places][rows] for x in heights_after_jumps_V(readings.course_V, late_rows)]
+    jumps, near = max(np.count_nonzero(x) for x in heights), np.sum(heights, axis=0)
     if jumps == 0:
         return near
-    low, high = np.quantile(readings.measured_um[readings.usable], (0.5 - 0.5 * BULK, 0.5 + 0.5 * BULK))
-    by_stroke = float(high - low) / float(np.ptp(readings.course_V))
+    others = readings.measured_um[rows][~alone]
+    by_stroke = float(np.ptp(others)) / float(np.ptp(readings.course_V)) if others.size else 0.0
     after = np.sort(apart_um[near > 0.0] / near[near > 0.0])[::-1]
-    return near * max(OVERSHOOT * by_stroke, FAR * float(after[jumps // 2]))
+    return near * max(OVERSHOOT * by_stroke, FAR * float(after[min((jumps + 1) // 2, after.size - 1)]))
 
 
 def _late_rows(readings: Readings, residual: Array, noise_um: float) -> int:

@@ -96,6 +96,7 @@ class Record:
         made_up: (n,) rows that the file lacks, see `missing_rows`; None for none.
         repeats: readings that were lost as repeated ones, see `repeated_readings`.
         behind_pauses: readings that were lost behind pauses, see `missing_rows`.
+        pauses: first rows behind pauses in which nobody knows the command.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -117,6 +118,7 @@ class Record:
     made_up: NDArray[np.bool_] | None = None
     repeats: int = 0
     behind_pauses: int = 0
+    pauses: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -141,7 +143,7 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        beside = ("quantities", "further", "zero_move", "made_up", "repeats", "behind_pauses")
+        beside = ("quantities", "further", "zero_move", "made_up", "repeats", "behind_pauses", "pauses")
         present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
 
