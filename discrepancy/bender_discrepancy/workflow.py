@@ -295,7 +295,7 @@ def conclude(
         visible = beside.submit(smallest_visible, found)
         findings, gap, content = measured_through_fmu(found, names, tell, box, driver)
         if found.best.hypothesis.all_parts and (why := refuted(found, gap)):
-            tell("held-out readings contradict the effects: trying the next best")
+            tell("held-out readings contradict the effects")
             measured = partial(measured_through_fmu, names=names, tell=tell, box=box, driver=driver)
             found, (findings, gap, content) = next_best(found, why, names, measured)
             visible = beside.submit(smallest_visible, found)
@@ -344,6 +344,8 @@ def next_best(
             f"held-out readings contradict a model with {refuted} and nothing else missing; this is the next best, "
             "which they do not contradict"
         )
+        if other.verdict.word == "ambiguous":
+            reason = f"{reason}; {other.verdict.reason}"
         lowered = other.without_certainty(reason, share, complete=other.grades.complete)
         return lowered, (with_origin(find(lowered).closing(gap), names), gap, content)
     nothing = found.without_effects(why)

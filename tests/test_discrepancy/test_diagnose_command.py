@@ -423,3 +423,17 @@ def test_a_damaged_journal_is_bad_input(tmp_path: Path, text: str):
 def test_without_a_journal_there_is_nothing_to_resume(tmp_path: Path):
     with pytest.raises(InputError, match="what an interrupted diagnosis left"):
         read_journal(tmp_path)
+
+
+def test_a_search_that_goes_on_counts_the_work_of_each_search_as_if_it_had_not_been_broken_off() -> None:
+    def steps(journal: Journal, counted: list[list[int]]) -> list[list[int]]:
+        found = []
+        for one in counted:
+            journal.begin_search()
+            found.append([journal.work_so_far(x) for x in one])
+        return found
+
+    whole = steps(Journal(), [[0, 100, 250], [0, 90, 200]])
+    assert whole == [[0, 100, 250], [0, 90, 200]]
+    # what is recalled is not simulated again
+    assert steps(Journal(earlier_work=[0, 100]), [[0, 10, 160], [0, 90, 200]]) == whole

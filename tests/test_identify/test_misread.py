@@ -72,3 +72,30 @@ def test_coarse_readings_that_flicker_are_no_misread_frames():
     read = np.round(lagging(volts, 5.0, rng) / 2.0 + 0.1 * rng.standard_normal(volts.size)) * 2.0
     record = Record(np.arange(volts.size, dtype=float) / 10.0, volts, read)
     assert experiments_of([record], ["record"], "hold")[0].misread_s == ()
+
+
+def test_a_short_record_with_a_stray_is_still_long_enough() -> None:
+    rng = np.random.default_rng(9)
+    volts = np.repeat(rng.uniform(0.0, 40.0, 5), 5)
+    read = 0.5 * np.roll(volts, 1) + NOISE_um * rng.standard_normal(25)
+    read[0] = 0.0
+    lost = np.isin(np.arange(25), [3, 4, 9, 23, 24])
+    read[lost] = np.nan
+    read[12] += 500.0
+    (ready,) = experiments_of([Record(np.arange(25.0) / 10.0, volts, read)], ["record"], "hold")
+    assert ready.misread_s == pytest.approx((1.2,))
+
+
+def test_readings_behind_pauses_are_told() -> None:
+    rng = np.random.default_rng(10)
+    volts = stairs(rng, 480)
+    read = lagging(volts, 8.0, rng)
+    kept = np.delete(np.arange(480), np.arange(115, 125))
+    record = Record(np.arange(480.0)[kept] / 10.0, volts[kept], read[kept])
+    (ready,) = experiments_of([record], ["record"], "hold")
+    # ten rows are missing; the lag of 0.8 s answers for 3.7 s
+    assert 30 <= ready.behind_pauses <= 45
+    found = first_model([ready])
+    assert facts(found)["records"][0]["behind_pauses"] == ready.behind_pauses
+    assert f"{ready.behind_pauses} readings behind a pause left out" in sentences(found)[-1]
+    assert found.chosen.values[0] == pytest.approx(0.8, rel=0.05)

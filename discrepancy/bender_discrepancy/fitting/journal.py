@@ -43,6 +43,7 @@ class Journal:
     earlier_work: list[int] = field(default_factory=list)
     reused: int = 0
     _counted: int = 0
+    _begun: int = 0
     _digests: dict[int, tuple[tuple[Observations, ...], str]] = field(default_factory=dict)
 
     def key(self, problem: FitProblem, hypothesis: Hypothesis, *given: object) -> str:
@@ -65,10 +66,14 @@ class Journal:
         self.reused += found is not None
         return found
 
+    def begin_search(self) -> None:
+        """Count the work of another search from nought."""
+        self._begun = len(self.work)
+
     def work_so_far(self, substeps: int) -> int:
         """Return the work done before a step, counting that of the search that goes on."""
         step = len(self.work)
-        before = self.work[-1] - self._counted if self.work else 0
+        before = self.work[-1] - self._counted if step > self._begun else 0
         self.work.append(self.earlier_work[step] if step < len(self.earlier_work) else substeps + before)
         self._counted = substeps
         return self.work[-1]

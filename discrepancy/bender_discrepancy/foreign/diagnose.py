@@ -20,8 +20,9 @@ from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import BlackBox, diagnose
+from bender_identify.records.memory import memory_s
 from bender_loop.fmu.process.watched import WatchedPlant
-from bender_loop.records.missing_rows import completed
+from bender_loop.records.missing_rows import completed, without_remembered
 from bender_loop.records.record import Record, in_units_of
 from bender_loop.records.repeated_readings import without_repeats
 
@@ -90,6 +91,7 @@ def _at(
     """Return the diagnosis of an FMU whose parameters are set."""
     called = str(fmu), plant.input.name, plant.output.name
     base, seen, known = fit_surrogate(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
+    records, seen = ([without_remembered(y, memory_s(base)) for y in x] for x in (records, seen))
     plant.follow(records[0].time_s, records[0].further)
     plant.reset()
     original = Original(fmu, plant.input, plant.output, parameters, plant.read(), records[0].quantities)

@@ -141,22 +141,24 @@ class SearchResult:
         Only what predicts better than the linear structure alone counts, with all that a witness shows; of an excerpt
         there are none. What is refuted is no rival of what takes its place.
         """
+        if self.excerpts:
+            return []
         archive, refuted = self.archive, self.best.hypothesis
         others = [x for x in archive.fits if set(x.hypothesis.effects) != set(refuted.effects)]
         least = archive.best(x for x in others if self.rules.is_in_range(archive, x))
         tried = [parsimonious(archive, self.rules, refuted=self.best), *([] if least is None else [least])]
         closer = [archive.fit(x.hypothesis, closely=True) or x for x in dict.fromkeys(tried)]
         found = [relevant_part(replace(self.found, best=x), self.rules) for x in closer]
-        better = [
-            x
-            for x in found
+        better = {
+            frozenset(x.best.hypothesis.effects): x
+            for x in reversed(found)
             if x.best.hypothesis.parts
-            and set(x.best.hypothesis.effects) != set(refuted.effects)
             and x.best.hypothesis.structure is refuted.structure
             and x.best.hypothesis.keeps_shown_of(refuted)
             and self.rules.is_preferred(archive, x.best, self.found.base)
-        ]
-        return [] if self.excerpts else [self.with_search(x)._without_rivals(set(refuted.effects)) for x in better]
+        }
+        better.pop(frozenset(refuted.effects), None)
+        return [self.with_search(x)._without_rivals(set(refuted.effects)) for x in reversed(better.values())]
 
     def _without_rivals(self, refuted: set[str]) -> "SearchResult":
         effects = tuple(

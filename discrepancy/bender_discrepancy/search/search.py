@@ -63,13 +63,15 @@ def search(
         tell: is told what is being done.
         keep: gets what was found so far, after every step.
         begin: returns the problem with another beginning of the records, where that fits clearly better.
-        spent_substeps: simulated by a search of these records at another beginning: both together may take what one
-            of the most effects may.
+        spent_substeps: simulated by a search of these records at another beginning, up to its last step: both together
+            take about what one of the most effects may, the second at least what one without effects may.
 
     Raises:
         ValueError: the model as given cannot be simulated under the drive of the records.
     """
     archive, before = Archive(problem), problem.work_substeps
+    if (journal := current_journal()) is not None:
+        journal.begin_search()
     best = archive.set_aside(_root(archive, catalogue, rules))
     roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
     beam, in_vain, stopped = leading_fits(roots, len(catalogue.kits)), 0, False
@@ -91,9 +93,7 @@ def search(
         leader = improved(archive, catalogue, rules, leader, ADJUST)
         if depth == 1 and (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
             tell("another beginning of the record fits better: beginning again")
-            return search(
-                other, catalogue, rules, tell, keep, spent_substeps=problem.work_substeps - other.work_substeps
-            )
+            return search(other, catalogue, rules, tell, keep, spent_substeps=spent_substeps + done)
         earlier, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, earlier, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.choice import Scored, is_better, structures_scored
 from bender_identify.first_model.excerpt import excerpts
-from bender_identify.first_model.fit import CANNOT_BE, FitTask
-from bender_identify.first_model.misread import SIMPLE, memory_of, without_misread
+from bender_identify.first_model.fit import CANNOT_BE, FitTask, Mask
+from bender_identify.first_model.misread import SIMPLE, lacking, memory_of, without_misread
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
 from bender_loop.records.distinct import refuse_twice_the_same
@@ -54,10 +54,10 @@ def experiments_of(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Known:
-    """A record without the readings that nothing can be learned from, and when some of these were misread."""
+    """A record without what nobody knows, and which of its readings were misread (n,); None where none was sought."""
 
     record: Record
-    misread_s: tuple[float, ...] = ()
+    misread: Mask | None = None
 
 
 def _known(records: Sequence[Record], names: Sequence[str], input_hold: InputHold) -> list[_Known]:
@@ -65,15 +65,15 @@ def _known(records: Sequence[Record], names: Sequence[str], input_hold: InputHol
     if any(x.record.pauses for x in found):
         memory_s = memory_of(_ready(found, names, input_hold))
         found = [_Known(without_remembered(x.record, memory_s)) for x in found]
-    kept = without_misread(_ready(found, names, input_hold))
-    return [
-        _Known(replace(x.record, displacement_um=y.measured_um), y.misread_s) for x, y in zip(found, kept, strict=True)
-    ]
+    ready = _ready(found, names, input_hold)
+    kept = without_misread(ready)
+    lost = [np.isfinite(x.measured_um) & np.isnan(y.measured_um) for x, y in zip(ready, kept, strict=True)]
+    return [replace(x, misread=m) for x, m in zip(found, lost, strict=True)]
 
 
 def _ready(known: Sequence[_Known], names: Sequence[str], course: InputHold) -> list[Experiment]:
     made = [experiment_of(x.record, n, Settings(), course, any_answer=True) for x, n in zip(known, names, strict=True)]
-    return [replace(y, misread_s=x.misread_s) for x, y in zip(known, made, strict=True)]
+    return [y if x.misread is None else lacking(y, x.misread) for x, y in zip(known, made, strict=True)]
 
 
 @threadpool_limits.wrap(limits=1)

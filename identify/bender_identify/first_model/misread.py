@@ -38,29 +38,35 @@ def without_misread(experiments: Sequence[Experiment]) -> list[Experiment]:
     """Return experiments with the readings set aside that no simple structure leads to and no neighbour shares."""
     read = [_readings_of(x) for x in experiments]
     kept = list(experiments)
-    if not any(_standing_apart(x, x.measured_um).any() for x in read):
+    suspected = [_standing_apart(x, x.measured_um) for x in read]
+    if not any(x.any() for x in suspected):
         return kept
     for _ in range(TURNS):
         left = _left_by_simple(experiments, kept)
         if left is None:
             return list(experiments)
         misread = [_standing_apart(x, r) for x, r in zip(read, left, strict=True)]
-        again = [_without(x, m) for x, m in zip(experiments, misread, strict=True)]
+        again = [_without(x, m, s) for x, m, s in zip(experiments, misread, suspected, strict=True)]
         before, kept = kept, again
         if all(a.misread_s == b.misread_s for a, b in zip(before, kept, strict=True)):
             break
     return kept
 
 
-def _without(x: Experiment, misread: Mask) -> Experiment:
-    """Return an experiment without some readings, unless they are too many to be exceptions."""
-    if misread.sum() > EXCEPTIONS * (x.fitted | x.held_out).sum():
-        return x
+def lacking(x: Experiment, misread: Mask) -> Experiment:
+    """Return an experiment without some readings (n,)."""
     measured_um = np.where(misread, np.nan, x.measured_um)
     fitted, held_out = x.fitted & ~misread, x.held_out & ~misread
     return replace(
         x, measured_um=measured_um, fitted=fitted, held_out=held_out, misread_s=tuple(x.time_s[misread].tolist())
     )
+
+
+def _without(x: Experiment, misread: Mask, suspected: Mask) -> Experiment:
+    """Return an experiment without some readings; where they are too many, without those that stand apart anyway."""
+    most = max(EXCEPTIONS * float((x.fitted | x.held_out).sum()), 1.0)
+    misread = misread if misread.sum() <= most else misread & suspected
+    return x if misread.sum() > most else lacking(x, misread)
 
 
 def _readings_of(x: Experiment) -> _Readings:

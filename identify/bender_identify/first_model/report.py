@@ -91,6 +91,7 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
                 "in_motion": x.in_motion,
                 "zero_move": None if x.zero_move is None else asdict(x.zero_move),
                 "set_aside_s": list(x.misread_s),
+                "behind_pauses": x.behind_pauses,
             }
             for x in found.task.experiments
         ],
@@ -286,6 +287,11 @@ def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
             lines.append(
                 f"{x.name}: from line {x.zero_move.row + FIRST_LINE} on the sensor reads {height} more, whatever is "
                 "commanded: its zero moved, and that was taken from the readings"
+            )
+        if x.behind_pauses:
+            lines.append(
+                f"{x.name}: {x.behind_pauses} {'reading' if x.behind_pauses == 1 else 'readings'} behind a pause left "
+                "out: nobody knows what was commanded in it"
             )
         if x.misread_s:
             listed = ", ".join(f"{t:.6g}" for t in x.misread_s[:MOST_LISTED])

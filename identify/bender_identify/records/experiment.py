@@ -45,6 +45,7 @@ class Experiment:
         input_hold: what the voltage does between two rows.
         zero_move: of the sensor, taken from the readings; None where there was none.
         misread_s: instants of isolated readings that were set aside, see `first_model.misread`.
+        behind_pauses: readings that are left out behind pauses, see `bender_loop.records.missing_rows`.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Experiment:
     input_hold: InputHold = "hold"
     zero_move: ZeroMove | None = None
     misread_s: tuple[float, ...] = ()
+    behind_pauses: int = 0
 
     def fitting_all(self) -> "Experiment":
         """Return the experiment with every row that counts fitted."""
@@ -138,6 +140,7 @@ def experiment_of(
         timed=not untimed,
         input_hold=input_hold,
         zero_move=record.zero_move,
+        behind_pauses=record.behind_pauses,
     )
 
 

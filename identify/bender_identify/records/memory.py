@@ -2,7 +2,7 @@
 
 import math
 
-from bender_plant.blocks import bending_modes
+from bender_plant.blocks import bending_modes, second_mode
 from bender_plant.model import Model
 
 FORGOTTEN = math.log(100.0)
@@ -11,14 +11,16 @@ LAGS = ("plant_lag", "sensor_lag", "source_resistance")
 
 
 def memory_s(model: Model) -> float:
-    """Return until when a hundredth of the answer to a command is left, by the modes, lags and delay of a model."""
+    """Return until when a hundredth of the answer to a command is left, by the lags, modes and delay of a model."""
     values = model.values()
-    times_s = [
-        value for name, value in values.items() if name.partition(".")[0] in LAGS and name.endswith("time_constant_s")
-    ]
+    # two alike, one behind the other, forget later than each
+    lags_s = sum(x for name, x in values.items() if name.split(".")[0] in LAGS and name.endswith("time_constant"))
+    decays_s = [lags_s]
     for block in model.blocks:
         if isinstance(block.parameters, bending_modes.Parameters):
-            times_s += [
-                1.0 / (omega * zeta) for omega, zeta, *_ in bending_modes.constants(block.parameters, model.beam)
-            ]
-    return values.get("transport_delay.delay_s", 0.0) + FORGOTTEN * max(times_s, default=0.0)
+            modes = bending_modes.constants(block.parameters, model.beam)
+            decays_s += [1.0 / (omega * zeta) for omega, zeta, *_ in modes]
+        if isinstance(block.parameters, second_mode.Parameters):
+            x = block.parameters
+            decays_s.append(1.0 / (2.0 * math.pi * x.frequency_Hz * x.damping_ratio))
+    return values.get("transport_delay.delay", 0.0) + FORGOTTEN * max(decays_s)
