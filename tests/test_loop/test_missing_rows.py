@@ -216,3 +216,14 @@ def test_no_more_than_a_quarter_of_the_readings_is_left_out() -> None:
     assert longer.behind_pauses == 38
     assert np.flatnonzero(np.isnan(longer.displacement_um)).tolist() == list(range(100, 138))
     assert without_remembered(short, 1e3).behind_pauses <= 0.1 * len(short) + 40
+
+
+@pytest.mark.parametrize(("missing", "left_out"), [(8, 0), (9, 9)])
+def test_a_gap_is_judged_by_the_course_that_bridges_it(missing: int, left_out: int) -> None:
+    """A cubic meets a sine of 40 rows a turn across 8 rows, a straight line across 9 does not."""
+    volts = np.asarray(20.0 * np.sin(2.0 * np.pi * np.arange(ROWS) / 40.0), dtype=np.float64)
+    whole = moving()
+    found = completed(without(Record(whole.time_s, volts, whole.displacement_um), np.arange(100, 100 + missing)))
+    assert found.made_up is not None
+    assert found.made_up.sum() == missing
+    assert found.behind_pauses == left_out
