@@ -115,7 +115,7 @@ def _missing(record: Record) -> NDArray[np.int64]:
     if np.mean(near == 1.0) < EVEN_PART or np.mean(apart <= EVEN) < EVEN_PART:
         return np.zeros(steps.size, dtype=np.int64)
     # over many rows an uneven clock adds up
-    found = np.where(apart <= EVEN * np.sqrt(near), near - 1.0, 0.0).astype(np.int64)
+    found = np.where(apart <= EVEN * np.sqrt(np.maximum(near - 1.0, 1.0)), near - 1.0, 0.0).astype(np.int64)
     changes = np.diff(record.voltage_V) != 0.0
     is_on_purpose = np.count_nonzero(changes & (near > 1.0)) > ON_PURPOSE_PART * np.count_nonzero(changes)
     return np.zeros_like(found) if is_on_purpose and np.count_nonzero(changes) > 1 else found
