@@ -330,7 +330,7 @@ def next_best(
     names: Sequence[str],
     measured: Callable[[SearchResult], tuple[Findings, Measured, bytes]],
 ) -> tuple[SearchResult, tuple[Findings, Measured, bytes]]:
-    """Return what is left of a search whose effects held-out readings contradict, and its measurement.
+    """Return another result for a search whose effects the held-out readings contradict, and its measurement.
 
     Other effects that these readings do not contradict are at most likely; where there are none, nothing is named.
     """

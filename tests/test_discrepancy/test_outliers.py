@@ -15,7 +15,6 @@ from bender_discrepancy.workflow import search_records
 from bender_loop.records.outliers import (
     AFTER_A_JUMP_ROWS,
     FAR,
-    after_jumps,
     heights_after_jumps_V,
     late_stamps_um,
     neighbourhood_um,
@@ -29,6 +28,10 @@ NOISE_um = 0.1
 
 def observed(voltage_V: np.ndarray, residual: np.ndarray) -> Observations:
     return observe(Record(np.arange(voltage_V.size) / 30.0, voltage_V, residual))
+
+
+def after_jumps(voltage_V: np.ndarray) -> np.ndarray:
+    return np.any([heights > 0.0 for heights in heights_after_jumps_V(voltage_V)], axis=0)
 
 
 def ramp(rows: int) -> np.ndarray:
@@ -359,3 +362,22 @@ def test_a_stray_after_a_jump_that_no_ringing_reaches_is_outlying() -> None:
     ringing[1] += 0.02
     for x, expected in ((stray, [1]), (ringing, [])):
         assert list(np.flatnonzero(outlying(observed(volts, volts + x), x, 1e-3))) == expected
+
+
+def test_under_a_command_that_stands_above_nought_strays_are_found_and_nothing_fails() -> None:
+    rng = np.random.default_rng(12)
+    residual = 1e-3 * rng.standard_normal(60)
+    residual[[0, 30]] += 5.0
+    volts = np.full(60, 7.0)
+    assert list(np.flatnonzero(outlying(observed(volts, volts + residual), residual, 1e-3))) == [0, 30]
+
+
+def test_a_jump_whose_own_row_is_lost_is_a_jump_still() -> None:
+    """Small volts, large readings: three rows after the jump the tip rings by a seventh of its stroke."""
+    rng = np.random.default_rng(13)
+    volts = np.where(np.arange(100) < 50, 0.0, 0.04)
+    residual = 1e-3 * rng.standard_normal(100)
+    residual[51] += 3.0
+    readings = 500.0 * volts + residual
+    readings[50] = np.nan
+    assert not outlying(observed(volts, readings), residual, 1e-3).any()

@@ -2,7 +2,7 @@
 
 Signal is not isolated: under a changing command it is smooth. Right after a jump of the command, or when a delay
 brings it to the reading, the residual may ring for several frames, as high as the jump: a reading there is outlying
-only beside those after other jumps, in units of their height, and only where it is an exception among them.
+where it is further off than any ringing goes, or an exception among those after other jumps, in units of their height.
 
 While the tip moves, a time stamp that is a little late is a reading that is a little off, in proportion to the way
 since the row before. A search for effects is better without such rows, since its likelihood takes noise to be of one
@@ -28,7 +28,7 @@ FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
 TINY = 1e-300
 OVERSHOOT = 2.0
-"""Times the height of a step, what a mode without damping adds to it and the step itself."""
+"""Heights of a step: as far as a mode without damping goes after it."""
 
 
 class Readings(Protocol):
@@ -73,14 +73,6 @@ def heights_after_jumps_V(voltage_V: Array, late_rows: int = 0) -> Iterator[Arra
     heights = np.where(changes > least, changes, 0.0)
     for lag in range(min(late_rows + AFTER_A_JUMP_ROWS + 1, heights.size)):
         yield np.concatenate([np.zeros(lag), heights[: heights.size - lag]])
-
-
-def after_jumps(voltage_V: Array, late_rows: int = 0) -> Mask:
-    """Return the rows that follow a jump of the command, by as many rows as it is late and its ringing may last."""
-    found = np.zeros(voltage_V.size, dtype=np.bool_)
-    for heights in heights_after_jumps_V(voltage_V, late_rows):
-        found |= heights > 0.0
-    return found
 
 
 def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -161,7 +153,8 @@ def _most_after_jumps_um(
     if jumps == 0:
         return near
     others = readings.measured_um[rows][~alone]
-    by_stroke = float(np.ptp(others)) / float(np.ptp(readings.course_V)) if others.size else 0.0
+    span_V = float(np.ptp(readings.course_V))
+    by_stroke = float(np.ptp(others)) / span_V if others.size and span_V > 0.0 else 0.0
     after = np.sort(apart_um[near > 0.0] / near[near > 0.0])[::-1]
     return near * max(OVERSHOOT * by_stroke, FAR * float(after[min((jumps + 1) // 2, after.size - 1)]))
 
@@ -172,6 +165,8 @@ def _late_rows(readings: Readings, residual: Array, noise_um: float) -> int:
     simulated = np.full(readings.course_V.size, np.nan)
     simulated[readings.places] = np.where(known, readings.measured_um - residual, np.nan)
     changes = np.flatnonzero(np.diff(readings.course_V)) + 1
+    if changes.size == 0:
+        return 0
     ends = np.append(changes[1:], simulated.size)[: changes.size]
     jumps = next(heights_after_jumps_V(readings.course_V)) > 0.0
     found = []
