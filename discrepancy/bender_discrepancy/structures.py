@@ -1,7 +1,7 @@
 """The linear structures that compete with the effects where no model of the device is given."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
@@ -27,7 +27,22 @@ def between_rows_decided(records: Sequence[Record], how: Settings, names: Sequen
     return replace(how.between_rows(course_between_rows(records, names)), decide_hold=True)
 
 
-def competing_structures(records: Sequence[Record], how: Settings, names: Sequence[str] = ()) -> list[Model]:
+@dataclass(frozen=True, slots=True, eq=False)
+class CompetingStructure:
+    """A linear structure that competes with others.
+
+    Attributes:
+        model: with its numbers.
+        hidden: these were fitted beside an effect that hides them: alone, they would fit what is not there.
+    """
+
+    model: Model
+    hidden: bool = False
+
+
+def competing_structures(
+    records: Sequence[Record], how: Settings, names: Sequence[str] = ()
+) -> list[CompetingStructure]:
     """Return linear models of some records: the best that creeps to rest, the best that rings, and a gain alone.
 
     A lag is a special case of two: beside these it would be tried twice. A delay is an effect of the catalogue, which
@@ -57,10 +72,11 @@ def competing_structures(records: Sequence[Record], how: Settings, names: Sequen
     orders = [] if how.untimed else [x.model for x in best]
     # behind an even curve a linear fit sees nothing: the structure that it hides is one more
     hidden = [x.model for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]
-    models = [*orders, *([] if gain is None else [gain]), *hidden]
-    if not models:
+    competing = [CompetingStructure(x) for x in (*orders, *([] if gain is None else [gain]))]
+    competing += [CompetingStructure(x, hidden=True) for x in hidden]
+    if not competing:
         raise InputError("no linear model follows the records; give one by --model")
-    return [replace(x, name=f"{AUTO} {k + 1}") for k, x in enumerate(models)]
+    return [replace(x, model=replace(x.model, name=f"{AUTO} {k + 1}")) for k, x in enumerate(competing)]
 
 
 def rebased(found: Searched, given: Model) -> tuple[Searched, Model]:

@@ -55,7 +55,7 @@ from bender_discrepancy.search.search import Progress, Searched, search
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.start import better_beginning
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.structures import between_rows_decided, competing_structures, rebased
+from bender_discrepancy.structures import CompetingStructure, between_rows_decided, competing_structures, rebased
 from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_identify.records.memory import memory_s
 from bender_loop.errors import InputError, RunError
@@ -231,7 +231,8 @@ def diagnose(
     if base is None:
         tell("fitting linear structures")
         how = between_rows_decided(records, how, sources)
-        given, *others = competing_structures(records, how, sources)
+        first, *others = competing_structures(records, how, sources)
+        given = first.model
     assert given is not None
     records = [without_remembered(x, memory_s(given)) for x in records]
     with Driver() as driver:
@@ -396,7 +397,7 @@ def search_records(
     progress: Progress | None = None,
     lacking: Sequence[Array] = (),
     most: int = MOST_EFFECTS,
-    others: Sequence[Model] = (),
+    others: Sequence[CompetingStructure] = (),
 ) -> SearchResult:
     """Search the records of one bench for missing effects, and judge what was found.
 
@@ -450,7 +451,7 @@ def _searched(
     tell: Progress,
     lacking: Sequence[Array],
     most: int,
-    structures: Sequence[Model],
+    structures: Sequence[CompetingStructure],
     known_step_um: float = 0.0,
 ) -> SearchResult:
     whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
@@ -528,7 +529,7 @@ def _searched(
 
 def _kits(
     given: Kit,
-    structures: Sequence[Model],
+    structures: Sequence[CompetingStructure],
     whole: Sequence[Observations],
     observations: Sequence[Observations],
     told: Witnesses,
@@ -550,8 +551,8 @@ def _kits(
         return (given,)
     kits = [given]
     for x in structures:
-        forms = affordable(x, told.left(eligible(candidate_forms(x, whole), how)), observations)
-        kits.append(_kit(x, x, forms, observations))
+        forms = affordable(x.model, told.left(eligible(candidate_forms(x.model, whole), how)), observations)
+        kits.append(replace(_kit(x.model, x.model, forms, observations), hidden=x.hidden))
     return tuple(x.without_changes_of_numbers() for x in kits)
 
 

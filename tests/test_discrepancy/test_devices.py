@@ -63,7 +63,7 @@ def test_linear_structures_of_a_record_are_at_most_one_of_each_kind_and_a_gain(d
     command = rng.uniform(0.0, 20.0, 40).repeat(10)
     device = TransferFunction([2.0], [0.02, 2.0 * damping_ratio * 0.02**0.5, 1.0])
     read = lsim(device, command, time_s)[1] + 0.05 * rng.standard_normal(400)
-    found = competing_structures([Record(time_s, command, read)], Settings())
+    found = [x.model for x in competing_structures([Record(time_s, command, read)], Settings())]
     modes = [any(name.startswith("bending_modes") for name in x.values()) for x in found]
     lags = [x.values().get("plant_lag.time_constant", 0.0) > 0.0 for x in found]
     kinds = list(zip(lags, modes, strict=True))

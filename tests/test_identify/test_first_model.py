@@ -430,7 +430,7 @@ def test_a_lag_and_a_delay_behind_a_loop_of_an_actuator_in_use_are_told_apart():
     (looped,) = (x for x in linear_structures(record) if x.behind_a_loop)
     assert looped.structure == Structure(lags=1, delay=True)
     competing = competing_structures([record], DiagnoseSettings())
-    assert competing[0].values()["plant_lag.time_constant"] == pytest.approx(0.05, rel=0.1)
+    assert competing[0].model.values()["plant_lag.time_constant"] == pytest.approx(0.05, rel=0.1)
 
 
 @pytest.mark.parametrize("hold", ["hold", "linear"])

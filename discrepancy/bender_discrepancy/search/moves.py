@@ -54,11 +54,13 @@ class Kit:
         structure: the linear model; None for the model as given.
         forms: of the effects.
         own: frees the model's own linear numbers; None where it has none but gain and offset.
+        hidden: the structure's numbers show beside an effect only: alone, they are not freed.
     """
 
     structure: Model | None
     forms: tuple[Form, ...]
     own: Form | None = None
+    hidden: bool = False
 
     def without_changes_of_numbers(self) -> "Kit":
         """Return the kit without effects that are a change of the structure's own numbers."""

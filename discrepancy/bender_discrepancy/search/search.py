@@ -349,7 +349,8 @@ def _root(archive: Archive, catalogue: Catalogue, rules: Rules) -> Fitted:
         bare = judged(archive, Hypothesis(structure=kit.structure))
         own = None if kit.own is None else form_without_named(kit.own, {x.effect for x in kit.forms})
         freed = None
-        if bare is not None and own is not None and not only_one_sine(archive.problem.observations):
+        frees = own is not None and not kit.hidden and not only_one_sine(archive.problem.observations)
+        if bare is not None and own is not None and frees:
             freed = archive.fit(bare.hypothesis.freeing(own, tuple(x.starts[0] for x in own.free)))
         roots += [x for x in (bare, freed) if x is not None]
     if not roots:
