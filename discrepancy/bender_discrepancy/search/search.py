@@ -74,11 +74,11 @@ def search(
         journal.begin_search()
     best = archive.set_aside(_root(archive, catalogue, rules))
     roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
-    beam, in_vain, stopped = leading_fits(roots, len(catalogue.kits)), 0, False
+    beam, in_vain, stopped, leader = leading_fits(roots, len(catalogue.kits)), 0, False, best
     most_substeps = BUDGET.work_for(problem.all_rows, catalogue.most) - spent_substeps
     most_substeps = max(most_substeps, BUDGET.work_for(problem.all_rows, 0))
     done = 0
-    while beam and _goes_on(archive, rules, best, in_vain):
+    while beam and _goes_on(archive, rules, best, leader, in_vain):
         done = _done_substeps(problem.work_substeps - before)
         if stopped := done > min(BUDGET.work_for(archive.problem.all_rows, len(best.hypothesis.parts)), most_substeps):
             break
@@ -125,15 +125,17 @@ def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) ->
     return best is not before and rules.is_material(archive, _base(archive, best), before, best)
 
 
-def _goes_on(archive: Archive, rules: Rules, best: Fitted, in_vain: int) -> bool:
+def _goes_on(archive: Archive, rules: Rules, best: Fitted, leader: Fitted, in_vain: int) -> bool:
     """Return whether a further effect is sought: more than noise is left, and not too many steps brought nothing.
 
-    One is enough where so much is closed that the forms of what was found may have missed the rest.
+    One is enough where so much is closed that the forms of what was found may have missed the rest, unless the leader
+    of that step is half of the way to what no form misses.
     """
     base = _base(archive, best)
     if rules.is_finished(archive, base, best):
         return False
-    return in_vain <= (0 if rules.closed_share(archive, base, best) >= rules.closes else BUDGET.patience)
+    is_open = rules.closed_share(archive, base, best) < rules.closes or rules.is_half_way(archive, best, leader)
+    return in_vain <= (BUDGET.patience if is_open else 0)
 
 
 def _is_evident(archive: Archive, rules: Rules, without: Fitted | None, best: Fitted) -> bool:

@@ -136,6 +136,14 @@ class Rules:
         count = max(len(fitted.hypothesis.parts) - len(without.hypothesis.parts), 1)
         return rest - left >= min(self.remainder * rest, count * self.inadequacy * above_floor_um2(archive, base))
 
+    def is_half_way(self, archive: Archive, without: Fitted, fitted: Fitted) -> bool:
+        """Return whether one more step like that from one hypothesis to another would remove more than chance may.
+
+        Two effects that hide each other remove less alone than either does once the other one is there.
+        """
+        rest, left = (above_floor_um2(archive, x) for x in (without, fitted))
+        return left <= math.sqrt(1.0 - self.remainder) * rest
+
     def is_of_last_percent(self, archive: Archive, base: Fitted, without: Fitted, fitted: Fitted) -> bool:
         """Return whether one hypothesis removes no more of what another one leaves than forms differ from nature's."""
         rest, left = (above_floor_um2(archive, x) for x in (without, fitted))
