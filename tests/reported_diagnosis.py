@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
@@ -18,7 +19,6 @@ from bender_discrepancy.search.judgement.verdict import Verdict, Word
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
 

@@ -7,6 +7,7 @@ From top to bottom; each imports only what stands below it.
 | `command` | `bender diagnose`: arguments, progress, what is kept after an interrupt |
 | `foreign` | the diagnosis of anybody's FMU |
 | `workflow` | the one way through: read, search, judge, measure, propose |
+| `record_search` | the search of the records of one bench: beginning, forms, judgement |
 | `structures` | linear structures that compete with the effects where no model is given |
 | `input_hold` | what the command does between the rows, decided |
 | `diagnosis` | the frozen result: final verdict, effects, gap, next experiment, corrected model |
@@ -17,6 +18,7 @@ From top to bottom; each imports only what stands below it.
 | `equation/` | a sparse equation for what no effect explains |
 | `witnesses/` | what the optional channels of the records testify |
 | `search/` | the search for effects and its verdict |
+| `candidates` | the forms of effects that a model can have, sized to the records |
 | `fitting/` | hypotheses fitted to the records |
 | `records/` | records made ready |
 | `effects/` | the catalogue |

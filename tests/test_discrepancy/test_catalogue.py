@@ -248,11 +248,11 @@ def test_a_voltage_and_a_displacement_have_the_titles_of_the_catalogue() -> None
 PACKAGE = Path(bender_discrepancy.__file__).parent
 IDS = {name for name, x in EFFECTS.items() if x.stage != CALIBRATION}
 OF_A_MODEL = {
+    "candidates.py",
     "fitting/own_numbers.py",
     "foreign/container_stages.py",
     "foreign/relaxation_model.py",
     "foreign/slow_copy.py",
-    "workflow.py",
 }
 """They take models apart that may have such blocks of their own, and import these."""
 

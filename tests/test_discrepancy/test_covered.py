@@ -10,6 +10,7 @@ from few import few_rows
 from reported_diagnosis import FRAME_S, levels
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.effects.catalogue import EFFECTS, Effect, Sizes
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import problem_of
@@ -18,7 +19,6 @@ from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.records.digits import lattice_step_um
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError, meanings

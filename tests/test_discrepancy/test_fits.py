@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from reported_diagnosis import hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.effects.form import amplitude, simple
 from bender_discrepancy.fitting import output_error, starts
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
@@ -23,10 +24,10 @@ from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.scans.jumps import FINER_AND_FINER, middle_of_equal_fits, minimise_in_jumps
 from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.uncertainty import uncertainty
+from bender_discrepancy.record_search import search_records
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import explore
 from bender_discrepancy.search.moves import Catalogue, Kit
-from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

@@ -10,6 +10,7 @@ from few import few, few_rows
 from reported_diagnosis import NOISE_um, hypothesis, levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.effects.form import FAINTEST, Form, Free, scale, simple
@@ -19,7 +20,6 @@ from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.workflow import candidate_forms
 from bender_identify.first_model.structures import Structure
 from bender_loop.records.record import Record
 from bender_plant.model import load_model

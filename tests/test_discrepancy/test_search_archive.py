@@ -14,10 +14,12 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
+from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form, part_without_named
+from bender_discrepancy.record_search import search_records
 from bender_discrepancy.records.observations import hardly_steps, observe
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search import search as search_module
@@ -44,7 +46,6 @@ from bender_discrepancy.search.moves import (
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.search import Searched, improved, leading_fits, parsimonious, with_named_numbers
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_identify.first_model.structures import Structure
 from bender_loop.records.record import Record, read_record
 from bender_plant.model import load_model, model_from_table

@@ -13,7 +13,8 @@ from reported_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 from scipy.optimize import minimize
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy import workflow
+from bender_discrepancy import record_search
+from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.conclusion.coarse_readings import NEARER, ROUNDED, step_in_motion_um, support
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.effects.form import Free, simple
@@ -21,11 +22,12 @@ from bender_discrepancy.fitting.fit_problem import Calibration, line_through_ste
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.scans.chosen import scan_any
+from bender_discrepancy.record_search import search_records
 from bender_discrepancy.records.digits import DIGITS, jitter_um, printed
 from bender_discrepancy.records.noise import least_noise_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.result import Interrupted, SearchResult
-from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
+from bender_discrepancy.workflow import diagnose
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 from bender_plant.plant import Plant
@@ -87,7 +89,7 @@ def test_records_of_one_sensor_have_one_step():
 @pytest.mark.slow
 def test_an_interrupt_of_the_second_search_keeps_the_first(monkeypatch: pytest.MonkeyPatch):
     done: list[SearchResult] = []
-    search = workflow._searched
+    search = record_search._searched
 
     def once(*arguments: Any) -> SearchResult:
         if done:
@@ -95,7 +97,7 @@ def test_an_interrupt_of_the_second_search_keeps_the_first(monkeypatch: pytest.M
         done.append(search(*arguments))
         return done[0]
 
-    monkeypatch.setattr(workflow, "_searched", once)
+    monkeypatch.setattr(record_search, "_searched", once)
     with pytest.raises(Interrupted) as stop:
         search_records(BENCH, [looped(1.25)])
     assert stop.value.search is done[0]

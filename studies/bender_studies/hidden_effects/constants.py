@@ -130,10 +130,10 @@ def _change(changed: Changed) -> None:
 def _answer(folder: Path, changed: Changed) -> Said:
     from bender_discrepancy.conclusion.findings import find
     from bender_discrepancy.fitting.journal import keeping
+    from bender_discrepancy.record_search import search_records
     from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.records.digits import printed
     from bender_discrepancy.settings import Settings
-    from bender_discrepancy.workflow import search_records
 
     records = [printed(x) for x in read_records((folder / RECORD,))]
     of_settings = changed.name in {x.name for x in fields(Settings)}
