@@ -582,7 +582,7 @@ def test_what_one_number_more_removes_to_the_noise_is_an_effect(threshold_V: flo
     assert set(parsimonious(found.archive, RULES).hypothesis.effects) == names
 
 
-@pytest.mark.parametrize(("rows", "core_s"), [(100, 15), (2000, 26), (10_000, 40)])
+@pytest.mark.parametrize(("rows", "core_s"), [(100, 11), (2000, 22), (10_000, 40)])
 def test_a_step_says_which_of_its_models_it_tries_and_the_first_how_long_steps_are_begun(
     rows: int, core_s: int, monkeypatch: pytest.MonkeyPatch
 ):

@@ -21,6 +21,8 @@ FULL_STROKE_um = 23.1
 
 LEAST_OF_A_ROW, MOST_OF_A_RECORD, LONGEST_S = 0.2, 0.3, 4e5
 """A lag that is shorter moves no reading, one that is longer is a drift; blocks take twice as many seconds at most."""
+UNSEEN_OF_A_ROW = 0.05
+"""A lag that is shorter is over before the next row, to 2e-9."""
 RELAXING_RECORDS = 3.0
 """The slowest relaxation that is sought, over the longest record."""
 
@@ -77,6 +79,11 @@ class Sizes:
     quickest_line_Hz: float = math.inf
     furthest_V: float = 0.0
 
+    @property
+    def row_s(self) -> float:
+        """Time between two rows."""
+        return 0.5 / self.highest_Hz
+
     def sized(self, free: Free, covered: Range, unit: str) -> Free:
         """Return a free number in a unit of the paper's actuator as these records need it.
 
@@ -88,15 +95,13 @@ class Sizes:
 
     def relaxing(self) -> Range:
         """Return the time constants that records of another rig show relax: from a row to a few records."""
-        row_s = 0.5 / self.highest_Hz
-        return row_s, max(RELAXING_RECORDS * self.duration_s, 100.0 * row_s)
+        return self.row_s, max(RELAXING_RECORDS * self.duration_s, 100.0 * self.row_s)
 
     def lasting(self, covered: Range) -> Range:
         """Return the range of a time constant: on another rig from a part of a row to a part of the longest record."""
         if self.piezo_bender:
             return covered
-        row_s = 0.5 / self.highest_Hz
-        least_s = LEAST_OF_A_ROW * row_s if row_s > 0.0 else covered[0]
+        least_s = LEAST_OF_A_ROW * self.row_s if self.row_s > 0.0 else covered[0]
         return least_s, min(max(covered[1], MOST_OF_A_RECORD * self.duration_s), LONGEST_S)
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 
+from bender_discrepancy.effects.effect import UNSEEN_OF_A_ROW
 from bender_discrepancy.effects.form import Form, Free, Values
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.records.ringing import first_resonance
@@ -31,8 +32,6 @@ FREQUENCY_WITHIN = 2.0
 OTHERS_WITHIN = 10.0
 # a lag may be that of another supply: from what no reading shows to what is as slow as the record
 TIMES_UP_TO = 100.0
-# a lag of this part of a row is over before the next one, to 2e-9
-QUICK = 20.0
 # polymers soften by 0.2 to 0.5 % a kelvin, their resonances fall by half of that: less is no other resonance
 A_KELVIN = 0.001
 
@@ -168,7 +167,7 @@ def first_mode_Hz(model: Model) -> float | None:
 
 
 def _lowest(x: OwnNumber, row_s: float) -> float:
-    unseen = min(x.given, row_s / QUICK) if x.parameter.endswith("time_constant_s") else 0.0
+    unseen = min(x.given, UNSEEN_OF_A_ROW * row_s) if x.parameter.endswith("time_constant_s") else 0.0
     return max(x.given / x.within, unseen)
 
 

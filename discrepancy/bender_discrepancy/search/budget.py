@@ -58,7 +58,7 @@ class Budget:
     finalists: int = 5
     leaders: int = 20
     turns: int = 2
-    work_substeps: float = 7e7
+    work_substeps: float = 5e7
     work_per_row: float = 3e4
     most_work_substeps: float = 2e8
 

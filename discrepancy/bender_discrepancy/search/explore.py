@@ -1,7 +1,7 @@
 """What moves propose, fitted: forms are scanned, the most promising fitted roughly, the leaders of these to the end."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,13 +36,27 @@ class Rough:
         return len(self.hypothesis.parts[-1].values) > BUDGET.few_numbers
 
 
-def explore(archive: Archive, catalogue: Catalogue, parents: Sequence[Fitted], moves: Sequence[Move]) -> list[Fitted]:
-    """Return the fits of what the moves propose on some fitted hypotheses, all kept in the archive."""
+def explore(
+    archive: Archive,
+    catalogue: Catalogue,
+    parents: Sequence[Fitted],
+    moves: Sequence[Move],
+    goes_on: Callable[[], bool] = lambda: True,
+) -> list[Fitted]:
+    """Return the fits of what the moves propose on some fitted hypotheses, all kept in the archive.
+
+    Args:
+        archive: keeps the fits.
+        catalogue: what may be chosen from.
+        parents: the hypotheses.
+        moves: what proposes.
+        goes_on: is asked before every scan of forms.
+    """
     proposed = [x for parent in parents for move in moves for x in move(archive, catalogue, parent)]
     starts = [x.hypothesis for x in proposed if isinstance(x, Start)]
     found = _from_starts(archive, starts, parents)
     for x in proposed:
-        if isinstance(x, Scan):
+        if isinstance(x, Scan) and goes_on():
             found += _from_scan(archive, x, [*parents, *found])
     return found
 

@@ -103,7 +103,12 @@ def search(
     if best.hypothesis.parts and not stopped and rules.is_finished(archive, _base(archive, best), best):
         tell("trying two effects in the place of one")
         _replaced(archive, catalogue, rules, best)
-    best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
+    most = _done_substeps(problem.work_substeps - before) + BUDGET.work_for(archive.problem.all_rows, 0)
+
+    def goes_on() -> bool:
+        return not stopped and _done_substeps(problem.work_substeps - before) <= most
+
+    best = _polished(archive, catalogue, rules, tell, goes_on)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
         return found
@@ -145,12 +150,19 @@ def _is_evident(archive: Archive, rules: Rules, without: Fitted | None, best: Fi
     return rules.gains(archive, best, without) and rules.is_material(archive, _base(archive, best), without, best)
 
 
-def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progress, turns: int) -> Fitted:
-    """Return the best hypothesis once its effects have been changed in turn and taken out, fitted to the end."""
+def _polished(
+    archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progress, goes_on: Callable[[], bool]
+) -> Fitted:
+    """Return the best hypothesis once its effects have been changed in turn and taken out, fitted to the end.
+
+    They are changed as long as `goes_on`; the case against each is always made.
+    """
     best = parsimonious(archive, rules)
-    for _ in range(turns if best.hypothesis.parts else 0):
+    for _ in range(BUDGET.turns if best.hypothesis.parts else 0):
+        if not goes_on():
+            break
         tell("trying others in the place of each")
-        explore(archive, catalogue, [best], POLISH)
+        explore(archive, catalogue, [best], POLISH, goes_on)
         archive.set_aside(min(archive.fits, key=lambda x: x.training_square))
         before, best = best, parsimonious(archive, rules)
         if set(before.hypothesis.effects) == set(best.hypothesis.effects):

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from bender_discrepancy.effects.effect import OTHER_RIGS, Effect, Sizes
+from bender_discrepancy.effects.effect import OTHER_RIGS, UNSEEN_OF_A_ROW, Effect, Sizes
 from bender_discrepancy.effects.form import Form, Values, scale
 from bender_plant.blocks import plant_lag
 from bender_plant.model import Model, ModelError
@@ -11,11 +11,16 @@ COVERED = {"head_um": (1.0, 100.0), "second_head_um": (1.0, 100.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    # a fit that frees the lag goes no further down than that
+    unseen_s = 0.99 * UNSEEN_OF_A_ROW * sizes.row_s
+
     def apply(model: Model, values: Values) -> Model:
         """Take over the first lag of the plant, whose number stays free beside the head."""
         lag = next((x.parameters for x in model.blocks if x.id == plant_lag.ID), None)
-        if not isinstance(lag, plant_lag.Parameters) or lag.time_constant_s == 0.0:
-            raise ModelError("square_root_outflow: found a model without a lag, expected one that drains")
+        if not isinstance(lag, plant_lag.Parameters) or lag.time_constant_s <= unseen_s:
+            raise ModelError(
+                "square_root_outflow: found a model without a lag that rows show, expected one that drains"
+            )
         rest = asdict(lag) | {"time_constant_s": lag.second_time_constant_s, "second_time_constant_s": 0.0}
         model = model.with_block(plant_lag.ID, **rest)
         return model.with_block("square_root_outflow", time_constant_s=lag.time_constant_s, head_um=values[0])
@@ -24,8 +29,8 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         """Take over both lags of the plant: one tank drains into another one."""
         one = apply(model, values[:1])
         below = next((x.parameters for x in one.blocks if x.id == plant_lag.ID), None)
-        if not isinstance(below, plant_lag.Parameters) or below.time_constant_s == 0.0:
-            raise ModelError("square_root_outflow: found a model with one lag, expected a second one that drains")
+        if not isinstance(below, plant_lag.Parameters) or below.time_constant_s <= unseen_s:
+            raise ModelError("square_root_outflow: found one lag that rows show, expected two")
         upper = next(x.parameters for x in one.blocks if x.id == "square_root_outflow")
         second = {"second_time_constant_s": below.time_constant_s, "second_head_um": values[1]}
         one = one.with_block(plant_lag.ID, time_constant_s=0.0, second_time_constant_s=0.0)
