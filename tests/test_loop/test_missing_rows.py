@@ -30,7 +30,7 @@ def without(record: Record, missing: np.ndarray) -> Record:
 
 def commanded(volts: np.ndarray, missing: np.ndarray) -> Record:
     """Return a record of other commands that lacks these rows, one every 10 ms."""
-    time_s = 0.01 * np.arange(volts.size)
+    time_s = 0.01 * np.arange(float(volts.size))
     return without(Record(time_s, np.asarray(volts, dtype=np.float64), np.zeros(volts.size)), missing)
 
 
