@@ -184,7 +184,7 @@ def test_an_fmu_that_takes_its_process_along_is_one_sentence_that_stays_said(tmp
             run_on(there)
         assert time.monotonic() - begun < 10.0
         assert "\n" not in str(first.value)
-        if kind == "plant":
+        if isinstance(there, WatchedPlant):
             for call in (there.reset, there.read, lambda: there.step(1.0, 0.1)):
                 with pytest.raises(RunError, match=f"^{re.escape(str(first.value))}$"):
                     call()
