@@ -29,7 +29,13 @@ from bender_loop.fmu.controller import FmuController
 from bender_loop.fmu.followed_model import Loop
 from bender_loop.fmu.follower import Follower
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.fmu.process.watched import WatchedController, WatchedFollower, WatchedPlant, opened_follower
+from bender_loop.fmu.process.watched import (
+    PATIENCE_S,
+    WatchedController,
+    WatchedFollower,
+    WatchedPlant,
+    opened_follower,
+)
 from bender_loop.records.drive import drive
 from bender_native.ready import ready_plant_fmu
 from bender_tuner.model.scaled_plant import ScaledPlant
@@ -141,11 +147,12 @@ def watched(kind, folder, hostile, after):
     """An FMU that turns hostile after so many steps, as a plant, a controller, or a model that is followed."""
     units = {"controller": True, "input_unit": "m", "output_unit": "V", "gain": 1e6} if kind == "controller" else {}
     fmu = foreign_fmu(folder / "late.fmu", hostile=hostile, after=after, **units)
+    patience_s = 0.5 if hostile == "hang" else PATIENCE_S
     if kind == "plant":
-        return WatchedPlant(fmu, patience_s=0.5)
+        return WatchedPlant(fmu, patience_s=patience_s)
     if kind == "controller":
-        return WatchedController(fmu, 0.05, patience_s=0.5)
-    return WatchedFollower(fmu, followed(fmu, input="drive.u", output="sensor.y"), GAINS, LOOP, patience_s=0.5)
+        return WatchedController(fmu, 0.05, patience_s=patience_s)
+    return WatchedFollower(fmu, followed(fmu, input="drive.u", output="sensor.y"), GAINS, LOOP, patience_s=patience_s)
 
 
 def run_on(there):
@@ -231,55 +238,32 @@ def test_an_interrupt_ends_a_hang_and_stops_a_sound_run_between_two_steps(tmp_pa
 
 @pytest.mark.slow
 @needs_compiler
-@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
-@pytest.mark.parametrize(
-    "number", ["SIGINT", *(pytest.param(name, marks=pytest.mark.slow) for name in ("SIGTERM", "SIGHUP"))]
-)
-def test_tune_hears_an_interrupt_while_the_fmu_hangs_and_keeps_what_is_complete(tmp_path, temporary, number):
-    fmu = foreign_fmu(tmp_path / "hang.fmu", hostile="hang", after=30_000)
-    with begun(fmu, tmp_path, temporary) as process:
-        # gains are there, and the FMU hangs soon: on a busy machine the start takes longer than any wait
-        assert process.stderr is not None
-        assert any(", best " in line for line in process.stderr)
-        time.sleep(3.0)
-        process.send_signal(getattr(signal, number))
-        begun_s = time.monotonic()
-        out, errors = process.communicate(timeout=60)
-        assert time.monotonic() - begun_s < 15.0
-    assert process.returncode == 130, errors
-    said = [line for line in errors.splitlines() if line.startswith("bender:")]
-    assert len(said) == 1, errors
-    assert "interrupted" in said[0]
-    assert (tmp_path / "out" / "gains.toml").is_file()
-    assert json.loads((tmp_path / "out" / "tuning.json").read_text(encoding="utf-8"))["status"] == "interrupted"
-    assert out.count("native code") == 1
-
-
-@pytest.mark.slow
-@needs_compiler
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_tune_outlives_a_late_crash(tmp_path, temporary):
-    fmu = foreign_fmu(tmp_path / "crash.fmu", hostile="crash", after=30_000)
-    with begun(fmu, tmp_path, temporary) as process:
-        _, errors = process.communicate(timeout=120)
-    assert process.returncode == 1, errors
-    said = [line for line in errors.splitlines() if line.startswith("bender:")]
-    assert len(said) == 1, errors
-    assert "SIGSEGV" in said[0]
-    assert (tmp_path / "out" / "gains.toml").is_file()
-    assert json.loads((tmp_path / "out" / "tuning.json").read_text(encoding="utf-8"))["status"] == "failed"
-
-
-def begun(fmu, tmp_path, temporary):
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX; a console interrupt cannot be sent to one child there")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP", None])
+def test_tune_outlives_a_late_crash_hears_an_interrupt_during_a_hang_and_keeps_what_is_complete(
+    tmp_path, temporary, number
+):
+    fmu = foreign_fmu(tmp_path / "late.fmu", hostile="hang" if number else "crash", after=30_000)
     words = [sys.executable, "-m", "bender_cli", "tune", "--fmu", str(fmu), "--objective", "itae", "--setpoint", "2"]
-    return subprocess.Popen(
-        [*words, "--evaluations", "100000", "--out", "out"],
-        cwd=tmp_path,
-        env=os.environ | {"TMPDIR": str(temporary)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    words += ["--evaluations", "100000", "--out", "out"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, cwd=tmp_path, env=os.environ | {"TMPDIR": str(temporary)}, **pipes) as process:
+        if number:
+            # gains are there, and the FMU hangs soon: on a busy machine the start takes longer than any wait
+            assert process.stderr is not None
+            assert any(", best " in line for line in process.stderr)
+            time.sleep(3.0)
+            process.send_signal(getattr(signal, number))
+        begun_s = time.monotonic()
+        out, errors = process.communicate(timeout=120)
+        assert not number or time.monotonic() - begun_s < 15.0
+    assert process.returncode == (130 if number else 1), errors
+    (said,) = (line for line in errors.splitlines() if line.startswith("bender:"))
+    assert ("interrupted" if number else "SIGSEGV") in said
+    assert (tmp_path / "out" / "gains.toml").is_file()
+    status = json.loads((tmp_path / "out" / "tuning.json").read_text(encoding="utf-8"))["status"]
+    assert status == ("interrupted" if number else "failed")
+    assert out.count("native code") == 1
 
 
 KILLED = """

@@ -306,6 +306,7 @@ STEPS = np.linspace(0.0, 1.0, 5)
 def test_the_largest_sizes_are_taken_and_other_units_told(
     sizes: tuple[float, float, float], untimed: bool, says: str | None
 ) -> None:
-    record = Record(*(size * STEPS for size in sizes))
+    time_s, voltage_V, displacement_um = (size * STEPS for size in sizes)
+    record = Record(time_s, voltage_V, displacement_um)
     with pytest.raises(InputError, match=says) if says else contextlib.nullcontext():
         check_sizes("a", record, untimed=untimed)
