@@ -121,10 +121,8 @@ def test_ports_are_found_by_themselves_where_there_is_no_choice(edited):
     [
         ((None, None), r"found 4 Real outputs, none called displacement.*held, y, doubled"),
         (("uu", "y"), "no variable 'uu', expected a Real input; there is u"),
-        (("u", "Y"), "no variable 'Y', expected a Real output; there are held, y, doubled"),
         (("gain", "y"), "'gain' is a Real parameter, expected a Real input"),
         (("u", "steps"), "'steps' is a Integer output, expected a Real output"),
-        (("y", "u"), "'y' is a Real output, expected a Real input"),
     ],
 )
 def test_wrong_ports(lag_fmu, ports, message):
@@ -140,7 +138,6 @@ def test_wrong_ports(lag_fmu, ports, message):
         ({"gain": math.nan}, "parameter 'gain': found nan, expected a finite number"),
         ({"forgetful": 0.5}, "parameter 'forgetful': found 0.5, expected a value of type Boolean"),
         ({"gain": -1.0}, "parameter 'gain': found -1.0, expected at least 0 m/V"),
-        ({"gain": 2.0}, "parameter 'gain': found 2.0, expected at most 1 m/V"),
     ],
 )
 def test_wrong_parameters(edited, values, message):
@@ -334,18 +331,15 @@ def test_libraries_for_their_platform(folder, data):
         ("linux64", b"#!/bin/sh\n", "no machine code"),
         ("linux64", b"", "an empty file"),
         ("linux64", elf(3, bits=32), "ELF file for x86,"),
-        ("linux64", elf(40, bits=32), "ELF file for arm,"),
         ("linux64", elf(183), "ELF file for aarch64,"),
         ("linux64", elf(62, bits=32), "with 32 bit addresses"),
         ("linux64", elf(21, order=">"), "ELF file for powerpc64,"),
         ("linux64", elf(kind=2), "no shared library"),
-        ("linux64", elf(kind=1), "no shared library"),
         ("linux64", elf()[:30], "cut off"),
         ("linux64", elf()[:100], "cut off"),
         ("linux64", pe(), "a PE file for x86_64"),
         ("win64", pe(characteristics=2), "no shared library"),
         ("win64", pe(0xAA64), "PE file for aarch64"),
-        ("win64", b"MZ" + bytes(100), "no machine code"),
         ("win64", b"MZ", "cut off"),
         ("aarch64-darwin", mach(), "Mach-O file for x86_64,"),
         ("darwin64", mach(kind=2), "no shared library"),

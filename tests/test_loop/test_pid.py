@@ -86,10 +86,7 @@ def test_back_calculation_lets_go_at_once(tracking_time_s):
     [
         (lambda: Gains(math.nan, 1.0), "proportional_V_per_um must be a finite number >= 0, found nan"),
         (lambda: Gains(1.0, -1.0), "integral_V_per_um_s must be a finite number >= 0, found -1.0"),
-        (lambda: Gains(1.0, 1.0, math.inf), "derivative_V_s_per_um"),
-        (lambda: Gains(1.0, 1.0, 1.0, -0.1), "filter_time_s"),
         (lambda: Limits(5.0, 5.0), "lower_V must lie below upper_V, found 5.0 and 5.0"),
-        (lambda: Limits(math.nan, 5.0), "lower_V must lie below upper_V"),
         (lambda: Limits(0.0, 5.0, -1.0), "tracking_time_s must be a finite number >= 0, found -1.0"),
     ],
 )

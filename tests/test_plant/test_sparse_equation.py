@@ -45,14 +45,6 @@ def test_the_defaults_are_equation_30() -> None:
     assert np.max(np.abs(ours - theirs)) < 1e-6
 
 
-def test_bouc_wen_is_a_special_case() -> None:
-    closed = swapped("bouc_wen", linear_gain_um_per_V=0.0, alpha_um_per_V=0.8, beta_1_per_V=0.05, gamma_1_per_V=0.02)
-    assert (
-        np.max(np.abs(run_plant(swapped("sparse_equation", **BOUC_WEN), STAIRS, 0.1) - run_plant(closed, STAIRS, 0.1)))
-        < 1e-6
-    )
-
-
 @given(path=st.lists(voltage, min_size=1, max_size=5))
 @example([1.0, -4.086083468906152e-308, -38.0])
 def test_polynomials_of_the_voltage_forget_the_path(path: list[float]) -> None:
