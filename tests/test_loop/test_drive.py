@@ -77,13 +77,6 @@ def test_a_ramp_has_arrived_when_the_row_is_read(doubling):
     assert sum(step_s for _, step_s in plant.steps) == pytest.approx(3.0)
 
 
-def test_a_row_may_cut_a_late_ramp(lag):
-    # The ramp from 4 V to 8 V runs from 0.5 s to 2.5 s: row 1 is read at a quarter of it, row 2 at three quarters.
-    plant = lag(gain_um_per_V=1.0, feedthrough=1.0)
-    readings = drive(plant, [0.0, 1.0, 2.0], [4.0, 8.0, 0.0], command_time_s=[0.5, 2.0, 2.0], input_hold="linear")
-    assert readings == pytest.approx([0.0, 4.0 + 4.0 * 0.5 / 1.5, 8.0])
-
-
 def test_the_first_row_is_what_the_plant_reads_at_rest(lag):
     assert drive(lag(rest_um=2.5), [3.0, 4.0], [0.0, 0.0]).tolist() == [2.5, 2.5]
 
@@ -93,16 +86,6 @@ def test_the_clock_starts_with_the_first_row(lag, shift):
     np.testing.assert_allclose(
         drive(lag(), UNEVEN_S + shift, VOLTAGE), drive(lag(), UNEVEN_S, VOLTAGE), rtol=1e-9, atol=1e-9
     )
-
-
-@given(voltage=st.lists(st.floats(-50.0, 50.0), min_size=2, max_size=10), row=st.integers(0, 8))
-def test_a_row_between_changes_nothing(lag, voltage, row):
-    time_s = np.arange(len(voltage)) * 0.1
-    row = min(row, len(voltage) - 2)
-    halved = np.insert(time_s, row + 1, time_s[row] + 0.04)
-    doubled = np.insert(voltage, row + 1, voltage[row])
-    readings = np.delete(drive(lag(), halved, doubled), row + 1)
-    np.testing.assert_allclose(readings, drive(lag(), time_s, voltage), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("input_hold", ["hold", "linear"])

@@ -144,19 +144,17 @@ def test_value_is_sample(reference, times):
     assert [reference.value(time_s) for time_s in times] == pytest.approx(sampled.tolist(), abs=1e-12)
 
 
-def test_a_step_is_taken_where_rounding_puts_its_time():
-    assert [Step(10.0, 0.3, 1.0).value(t) for t in (0.0, 0.29, 0.1 + 0.2, 9.0)] == [1.0, 1.0, 10.0, 10.0]
-
-
-def test_profile_holds():
-    profile = Profile((0.0, 0.5, 2.0), (1.0, 2.0, 3.0))
-    assert [profile.value(t) for t in (-1.0, 0.0, 0.49, 0.5, 1.99, 2.0, 99.0)] == [1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
-
-
-def test_sine_by_hand():
-    sine = Sine(2.0, 0.25, 5.0, math.pi / 2)
-    assert [sine.value(t) for t in (0.0, 1.0, 2.0)] == pytest.approx([7.0, 5.0, 3.0])
-    assert Sine(2.0, 0.25).value(1.0) == pytest.approx(2.0)
+@pytest.mark.parametrize(
+    ("reference", "times", "values"),
+    [
+        (Step(10.0, 0.3, 1.0), (0.0, 0.29, 0.1 + 0.2, 9.0), (1.0, 1.0, 10.0, 10.0)),
+        (Profile((0.0, 0.5, 2.0), (1.0, 2.0, 3.0)), (-1.0, 0.0, 0.49, 0.5, 1.99, 2.0, 99.0), (1, 1, 1, 2, 2, 3, 3)),
+        (Sine(2.0, 0.25, 5.0, math.pi / 2), (0.0, 1.0, 2.0), (7.0, 5.0, 3.0)),
+        (Sine(2.0, 0.25), (1.0,), (2.0,)),
+    ],
+)
+def test_references_by_hand_and_where_rounding_puts_their_times(reference, times, values):
+    assert [reference.value(t) for t in times] == pytest.approx(values, abs=1e-12)
 
 
 def test_profile_from_a_file(tmp_path):

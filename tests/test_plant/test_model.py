@@ -1,7 +1,6 @@
 """Model files: what is read is what is meant, measured numbers, the range in which a model was learned."""
 
 import math
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,17 +22,11 @@ from bender_plant.variables import variables
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_a_model_survives_its_file(name: str, tmp_path: Path) -> None:
+def test_a_model_survives_its_file_and_its_fmi_parameters(name: str, tmp_path: Path) -> None:
     model = load_model(name)
     path = tmp_path / "model.toml"
     path.write_text(tomli_w.dumps(model.to_table()), encoding="utf-8")
     assert load_model(path) == model
-    assert model_from_table(tomllib.loads(path.read_text(encoding="utf-8"))) == model
-
-
-@pytest.mark.parametrize("name", BUILT_IN)
-def test_every_number_is_an_fmi_parameter(name: str) -> None:
-    model = load_model(name)
     table = {x.name: x.start for x in variables(model) if x.causality == "parameter"}
     assert table == model.values()
     assert model.with_values(model.values()) == model
