@@ -167,21 +167,20 @@ def ports_with_units(edited, input_unit, output_unit, definitions="", quantities
     return find_input(path, description, "u", quantities), find_output(path, description, "y", quantities)
 
 
-@pytest.mark.parametrize(("unit", "volts"), [("V", 1.0), ("mV", 1e-3), ("kV", 1e3), ("", 1.0), ("N", 1.0)])
-def test_input_unit(edited, unit, volts):
-    assert ports_with_units(edited, unit, "m")[0].internal == volts
+INCH = '<Unit name="inch"><BaseUnit m="1" factor="0.0254"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit>'
 
 
 @pytest.mark.parametrize(
-    ("unit", "micrometres"),
+    ("declared", "internal"),
     [
-        ("m", 1e6), ("mm", 1e3), ("um", 1.0), ("\N{MICRO SIGN}m", 1.0), ("\N{GREEK SMALL LETTER MU}m", 1.0),
-        ("nm", 1e-3), ("", 1e6), ("rad", 1.0), ("inch", 25400.0),
+        (("V", "m"), (1.0, 1e6)), (("mV", "mm"), (1e-3, 1e3)), (("kV", "um"), (1e3, 1.0)), (("", ""), (1.0, 1e6)),
+        (("N", "rad"), (1.0, 1.0)), (("V", "\N{MICRO SIGN}m"), (1.0, 1.0)), (("V", "nm"), (1.0, 1e-3)),
+        (("V", "\N{GREEK SMALL LETTER MU}m"), (1.0, 1.0)), (("V", "inch"), (1.0, 25400.0)),
     ],
 )  # fmt: skip
-def test_output_unit(edited, unit, micrometres):
-    inch = '<Unit name="inch"><BaseUnit m="1" factor="0.0254"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit>'
-    assert ports_with_units(edited, "V", unit, inch)[1].internal == pytest.approx(micrometres, rel=1e-15)
+def test_units_are_those_that_the_fmu_declares(edited, declared, internal):
+    found = ports_with_units(edited, *declared, INCH)
+    assert (found[0].internal, found[1].internal) == pytest.approx(internal, rel=1e-15)
 
 
 @pytest.mark.parametrize(
