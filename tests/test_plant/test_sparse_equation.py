@@ -101,6 +101,12 @@ def test_a_model_file_carries_the_equation() -> None:
     assert model.with_values({name: -0.07}).values()[name] == -0.07
 
 
+def test_an_equation_that_runs_away_is_an_error() -> None:
+    model = swapped("sparse_equation", terms=("w^2", "u"), coefficients=(1.0, 1.0))
+    with pytest.raises(ArithmeticError):
+        run_plant(model, np.full(50, 20.0), 0.1)
+
+
 signal = st.floats(-20.0, 20.0)
 positive = st.floats(0.5, 20.0)
 
