@@ -36,7 +36,7 @@ from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.records.voltage_path import even_times
 from bender_identify.regression.equation_search import equation_of
 from bender_identify.regression.rates import Regression, conditioning, regression_of
-from bender_identify.regression.sparse_fit import ensemble_of, least_squares, likely, supports
+from bender_identify.regression.sparse_fit import ensemble_of, greedy_supports, least_squares, likely, supports
 from bender_identify.regression.terms import evaluated, scale_of, unit_of
 from bender_identify.settings import LIBRARIES, Settings
 from bender_loop.records.record import Record
@@ -386,3 +386,24 @@ def test_a_period_of_one_tone_is_enough_for_the_terms_under_noise() -> None:
     errors, found = learn_bouc_wen(1e-2, 1.0, np.random.default_rng(1), (one_tone,), duration_s=20.0)
     assert {c.name for c in found.coefficients} == {"u'", "w |u'|", "|w| u'"}
     assert errors.unseen < 0.3
+
+
+def of_columns(columns: np.ndarray, rates: np.ndarray) -> Regression:
+    count = columns.shape[1]
+    return Regression(tuple(map(str, range(count))), columns, rates, np.ones(count), "weak", 1)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 4), st.sampled_from([0.0, 1e-14]))
+def test_terms_that_others_add_up_to_are_not_offered(seed: int, dependent: int, rounding: float) -> None:
+    rng = np.random.default_rng(seed)
+    free = rng.standard_normal((60, 3))
+    added_up = free @ rng.standard_normal((3, dependent)) + rounding * rng.standard_normal((60, dependent))
+    rates = free @ np.array([1.0, 0.0, -0.5])
+    found = greedy_supports(of_columns(np.column_stack([free, added_up]), rates))
+    assert (0, 2) in found
+    assert all(k < 3 for support in found for k in support)
+
+
+@pytest.mark.parametrize("columns", [np.zeros((60, 2)), np.empty((60, 0))])
+def test_terms_of_nothing_have_no_supports(columns: np.ndarray) -> None:
+    assert greedy_supports(of_columns(columns, np.ones(60))) == []
