@@ -83,11 +83,7 @@ def test_a_diagnosis_vouches_for_the_file_that_it_left_and_for_no_other(tmp_path
 @pytest.mark.parametrize(
     ("left", "told", "said"),
     [
-        (
-            1.25,
-            _visible(0.004),
-            "diagnosis.json: gap.after.nrmse_percent is 1.25, and the dead time is known to 0.004 s",
-        ),
+        (1.25, _visible(0.004), "gap.after.nrmse_percent is 1.25, and the dead time is known to 0.004 s"),
         (1.25, _visible(0.004) | {"recalibrated": {"gain": {"after": 0.5, "std": 0.1}}}, "recalibrated.gain 0.5 ± 0.1"),
         (1.25, {}, "diagnosis.json does not bound the dead time"),
         (None, _visible(0.004), "diagnosis.json does not bound the gain"),

@@ -1,14 +1,12 @@
-"""The chain of blocks against solve_ivp, the laws of time and scale, parabolas and plays at their turns."""
+"""The chain of blocks: the laws of time and scale, parabolas and plays at their turns."""
 
 import math
 
 import numpy as np
 import pytest
-from few import few
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from plant_runs import run_plant
-from scipy.integrate import solve_ivp
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.blocks import BLOCKS, Block
@@ -20,53 +18,6 @@ from bender_plant.parameter import WIDEST, meanings
 from bender_plant.plant import Plant
 
 MICRON = 1e-3  # the contract's 1e-9 m, in um
-
-
-def oracle(voltages: np.ndarray, step_s: float, tau: float = 0.0, omega: float = 0.0, zeta: float = 0.02) -> np.ndarray:
-    """Equation (30) as printed, w' with u' = v', behind a lag tau and before one mode; jumps of v jump w by 0.818."""
-
-    def rates(_: float, x: np.ndarray, command: float) -> list[float]:
-        v, w, q, rate = x
-        dv = (command - v) / tau if tau else 0.0
-        dw = -0.48 * w + 1.652 * v + 0.818 * dv - 0.22 * abs(w) - 0.124 * w * abs(w)
-        return [dv, dw, rate, -2 * zeta * omega * rate - omega**2 * (q - w)]
-
-    x = np.zeros(4)
-    readings: list[float] = []
-    for voltage in voltages:
-        if not tau:
-            x[1] += 0.818 * (voltage - x[0])
-            x[0] = voltage
-        x = solve_ivp(rates, (0, step_s), x, "DOP853", args=(voltage,), rtol=1e-11, atol=1e-11).y[:, -1]
-        readings.append(x[2])
-    return np.array(readings)
-
-
-def excitation(kind: str, count: int, step_s: float) -> np.ndarray:
-    time = step_s * np.arange(count)
-    if kind == "step":
-        return np.full(count, 50.0)
-    if kind == "staircase":
-        return 10.0 * (np.arange(count) * 6 // count)
-    return 25.0 + 25.0 * np.sin(2 * math.pi * (0.5 * time + 20.0 * time**2))
-
-
-OMEGA = 2 * math.pi * 104.37328430533374
-
-
-@pytest.mark.parametrize("kind", few(["step", "staircase", "chirp"], 2))
-@pytest.mark.parametrize("step_s", [0.01, 1 / 30])
-def test_paper_model_against_solve_ivp(kind: str, step_s: float) -> None:
-    voltages = excitation(kind, 40, step_s)
-    ours = run_plant(load_model("paper"), voltages, step_s)
-    assert np.max(np.abs(ours - oracle(voltages, step_s, omega=OMEGA))) < MICRON
-
-
-@pytest.mark.parametrize("tau", few([0.0005, 0.02, 0.3], 0))
-def test_bench_model_against_solve_ivp(tau: float) -> None:
-    voltages = excitation("staircase", 24, 1 / 30)
-    model = load_model("bench").with_values({"source_resistance.time_constant": tau})
-    assert np.max(np.abs(run_plant(model, voltages, 1 / 30) - oracle(voltages, 1 / 30, tau, OMEGA))) < MICRON
 
 
 def test_beam_model_against_the_modal_step_response() -> None:
