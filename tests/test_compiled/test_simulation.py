@@ -9,6 +9,7 @@ from effect_examples import EXAMPLES
 from few import few, few_rows
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from plant_runs import with_transducer
 
 from bender_compiled.kernels import uncut_run
 from bender_compiled.linear_modes import linear_modes_run, spring_alone
@@ -19,7 +20,7 @@ from bender_export.build import build_plant_fmu
 from bender_loop.records.between_rows import course, exposed, followed
 from bender_plant.blocks import BLOCKS, Block
 from bender_plant.composite_beam import CompositeBeam
-from bender_plant.model import BlockSettings, Model, ModelError, load_model
+from bender_plant.model import Model, ModelError, load_model
 from bender_plant.plant import Plant, effective_settings
 
 PAPER = load_model("paper")
@@ -56,12 +57,6 @@ def test_every_effect_equals_the_plain_kernel(block_id: str, parameters: dict[st
     # a delayed command is cut at other instants, so sub-steps differ
     bound = 1e-4 if block_id == "transport_delay" else 1e-7
     assert np.max(np.abs(ours.reading_um - plain(model, TIME, VOLTAGE, late))) < bound
-
-
-def with_transducer(block_id: str, **parameters: Any) -> Model:
-    bench = load_model("bench")
-    others = tuple(x for x in bench.blocks if x.id != "learned_hysteresis")
-    return Model("test", bench.beam, (*others, BlockSettings(block_id, BLOCKS[block_id].parameters(**parameters))))
 
 
 TRANSDUCERS = {

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
-from plant_runs import run_plant
+from plant_runs import run_plant, with_transducer
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.blocks import BLOCKS, Block
 from bender_plant.composite_beam import natural_frequency_Hz, static_gain_um_per_V, static_share
 from bender_plant.kernels.play import first_engagement, play
-from bender_plant.model import BlockSettings, Model, load_model
+from bender_plant.model import Model, load_model
 from bender_plant.parabola import INSTANT, cut, first_crossing, turning_point, value
 from bender_plant.parameter import WIDEST, meanings
 from bender_plant.plant import Plant
@@ -34,13 +34,6 @@ def test_beam_model_against_the_modal_step_response() -> None:
         rest -= share
     expected = 50.0 * static_gain_um_per_V(model.beam) * (expected + rest)
     assert np.max(np.abs(run_plant(model, np.full(40, 50.0), 0.01) - expected)) < 1e-9
-
-
-def with_transducer(block_id: str, **parameters: object) -> Model:
-    """The model `bench`, whose source has a resistance, with another transducer."""
-    bench = load_model("bench")
-    others = tuple(x for x in bench.blocks if x.id != "learned_hysteresis")
-    return Model("test", bench.beam, (*others, BlockSettings(block_id, BLOCKS[block_id].parameters(**parameters))))
 
 
 BOUC_WEN = {"terms": ("u'", "w |u'|", "|w| u'"), "coefficients": (0.8, -0.05, -0.02)}
