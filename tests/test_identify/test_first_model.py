@@ -480,7 +480,7 @@ def two_modes() -> tuple[np.ndarray, np.ndarray]:
 )
 def test_a_start_has_the_roots_of_a_record_and_its_delay(structure, system, values):
     """The record is computed by another integrator."""
-    experiment = experiment_of(record_of(*system, 30, 0.0, rows=3000), "first", Settings())
+    experiment = experiment_of(record_of(*system, delay_rows=30, noise=0.0, rows=3000), "first", Settings())
     starts = list(frequency_starts(structure, experiment, np.arange(0.4, 0.8, ROW_S / 2)))
     nearest = min(starts, key=lambda x: abs(x[-1] - 30 * ROW_S))
     assert nearest == pytest.approx((*values, 30 * ROW_S), rel=0.1)

@@ -179,7 +179,7 @@ INCH = '<Unit name="inch"><BaseUnit m="1" factor="0.0254"/></Unit><Unit name="ra
     ],
 )  # fmt: skip
 def test_units_are_those_that_the_fmu_declares(edited, declared, internal):
-    found = ports_with_units(edited, *declared, INCH)
+    found = ports_with_units(edited, *declared, definitions=INCH)
     assert (found[0].internal, found[1].internal) == pytest.approx(internal, rel=1e-15)
 
 
