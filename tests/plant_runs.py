@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from bender_plant.model import Model
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.plant import Plant
 
 
@@ -17,3 +18,10 @@ def run_plant(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1)
             state, reading, _ = plant.step(state, float(voltage), (k + part / parts) * step_s, step_s / parts)
         readings.append(reading)
     return np.array(readings)
+
+
+def with_transducer(block_id: str, **parameters: object) -> Model:
+    """Return the model `bench`, whose source has a resistance, with another transducer."""
+    bench = load_model("bench")
+    others = tuple(x for x in bench.blocks if x.id != "learned_hysteresis")
+    return Model("test", bench.beam, (*others, BlockSettings(block_id, BLOCKS[block_id].parameters(**parameters))))

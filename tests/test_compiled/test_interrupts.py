@@ -18,23 +18,20 @@ def _default_handler():
     signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupt_acts_after_the_block():
+@pytest.mark.parametrize("failure", [None, ArithmeticError])
+def test_an_interrupt_acts_after_the_block_also_when_it_fails(failure):
     reached = []
 
     def work():
         with defer_signals():
             signal.raise_signal(signal.SIGINT)
             reached.append("the end of the block")
+            if failure:
+                raise failure
 
     with pytest.raises(KeyboardInterrupt):
         work()
     assert reached
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_without_an_interrupt_nothing_happens():
-    with defer_signals():
-        pass
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
@@ -49,16 +46,6 @@ def test_other_threads_leave_signals_alone():
     thread.start()
     thread.join()
     assert seen == [signal.default_int_handler]
-
-
-def test_an_interrupt_is_not_lost_when_the_block_fails():
-    def work():
-        with defer_signals():
-            signal.raise_signal(signal.SIGINT)
-            raise ArithmeticError
-
-    with pytest.raises(KeyboardInterrupt):
-        work()
 
 
 def test_a_termination_ends_the_block_like_an_interrupt_and_waits_like_one():

@@ -33,9 +33,13 @@ def _slow_square(x: int) -> int:
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_results_come_in_the_order_of_the_items(threads: Callable[[int], None], count: int):
+def test_results_come_in_the_order_of_the_items_and_what_one_raises_is_raised(
+    threads: Callable[[int], None], count: int
+):
     threads(count)
     assert parallel_map(_slow_square, range(5)) == [0, 1, 4, 9, 16]
+    with pytest.raises(ZeroDivisionError):
+        parallel_map(lambda x: 1 / x, [1, 0, 2])
 
 
 def test_items_overlap_in_time(threads: Callable[[int], None]):
@@ -51,12 +55,6 @@ def test_what_is_begun_within_a_thread_goes_on_in_it(threads: Callable[[int], No
         return set(parallel_map(lambda _: threading.current_thread().name, range(4)))
 
     assert all(len(names) == 1 for names in parallel_map(inner, range(4)))
-
-
-def test_what_an_item_raises_is_raised(threads: Callable[[int], None]):
-    threads(2)
-    with pytest.raises(ZeroDivisionError):
-        parallel_map(lambda x: 1 / x, [1, 0, 2])
 
 
 @pytest.mark.parametrize("count", [2, 4])

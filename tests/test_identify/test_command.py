@@ -107,23 +107,23 @@ def test_a_record_that_cannot_teach_is_refused_and_nothing_is_written(
         (["--held-out", "missing.csv"], "missing.csv"),
         (["--terms", "w, u", "--untimed"], "terms that run with time"),
         (["--out", "stairs.csv"], "--out: found stairs.csv, expected the name of a file that ends with .toml"),
+        *((words, "named twice") for words in (["stairs.csv"], ["--held-out", "sub/../stairs.csv"])),
     ],
 )
 def test_bad_options_are_refused_in_one_line(
-    identify_command: Command, record_file: Path, tmp_path: Path, words: list[str], says: str
+    identify_command: Command,
+    record_file: Path,
+    tmp_path: Path,
+    words: list[str],
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
     with pytest.raises(InputError) as caught:
-        identify_command([str(record_file), "--out", str(tmp_path / "m.toml"), *words])
+        identify_command(["--out", str(tmp_path / "m.toml"), str(record_file), *words])
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
-    assert not list(tmp_path.glob("m*"))
-
-
-def test_a_record_named_twice_is_refused(identify_command: Command, record_file: Path, tmp_path: Path) -> None:
-    twice = record_file.parent / "." / ".." / record_file.parent.name / record_file.name
-    for words in ([str(twice)], ["--held-out", str(twice)]):
-        with pytest.raises(InputError, match="named twice"):
-            identify_command([str(record_file), *words, "--out", str(tmp_path / "m.toml")])
     assert not list(tmp_path.glob("m*"))
 
 
@@ -132,10 +132,7 @@ def test_a_record_named_twice_is_refused(identify_command: Command, record_file:
     [
         ({"library": "fourier"}, "library: found 'fourier'"),
         ({"keep": "best"}, "keep: found 'best'"),
-        ({"held_out_share": 0.99}, "held_out_share: found 0.99"),
-        ({"ensemble": -1}, "ensemble: found -1"),
         ({"delay_s": -0.1}, "delay_s: found -0.1"),
-        ({"set_aside_s": -1.0}, "set_aside_s: found -1.0"),
         ({"terms": ("w", "sin(u)")}, "sin"),
         ({"terms": ("w u", "u w")}, "each term once"),
     ],
@@ -145,14 +142,11 @@ def test_settings_that_cannot_be_are_refused(change: dict, says: str) -> None:
         Settings(**change)
 
 
-def test_every_library_is_made_of_terms_that_the_block_carries() -> None:
-    for terms in LIBRARIES.values():
-        assert len({powers_of(term) for term in terms}) == len(terms)
-
-
-def test_own_terms_replace_the_library() -> None:
+def test_own_terms_replace_the_libraries_which_name_each_term_once() -> None:
     assert Settings(library="paper", terms=("u'", "w")).libraries() == {"own": ("u'", "w")}
     assert list(Settings().libraries()) == ["bouc_wen", "paper", "combined"]
+    for terms in LIBRARIES.values():
+        assert len({powers_of(term) for term in terms}) == len(terms)
 
 
 @pytest.fixture(scope="module")

@@ -33,17 +33,8 @@ def lagging(volts: float = 1.0, microns: float = 1.0) -> Record:
 def told(record: Record, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     """Return the sentence of the command, which is that of Python as well."""
     write_record(folder / "record.csv", record)
-    words = [
-        "model",
-        "fit",
-        str(folder / "record.csv"),
-        "--template",
-        "gain",
-        "--out",
-        str(folder / "m.toml"),
-        "--quiet",
-    ]
-    assert main(words) == 2
+    files = [str(folder / "record.csv"), "--out", str(folder / "m.toml")]
+    assert main(["model", "fit", *files, "--template", "gain", "--quiet"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     with pytest.raises(pb.InputError) as refused:
         pb.fit_model(folder / "record.csv", template="gain", input_hold="hold")

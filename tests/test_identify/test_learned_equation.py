@@ -1,6 +1,6 @@
 """The learned equation and its rivals: regression, supports, output error, and each kind found back."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,9 +35,9 @@ from bender_identify.paper.simulated_bouc_wen import (
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.records.voltage_path import even_times
 from bender_identify.regression.equation_search import equation_of
-from bender_identify.regression.rates import conditioning, regression_of
-from bender_identify.regression.sparse_fit import ensemble_of, least_squares, likely, supports
-from bender_identify.regression.terms import evaluated, library, scale_of, unit_of
+from bender_identify.regression.rates import Regression, conditioning, regression_of
+from bender_identify.regression.sparse_fit import ensemble_of, greedy_supports, least_squares, likely, supports
+from bender_identify.regression.terms import evaluated, scale_of, unit_of
 from bender_identify.settings import LIBRARIES, Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
@@ -56,19 +56,21 @@ def noisy(percent: float) -> np.ndarray:
     return BOUC_WEN + 0.01 * percent * BOUC_WEN.std() * noise
 
 
-def test_the_form_follows_the_noise() -> None:
-    for reading, form in ((BOUC_WEN, "strong"), (noisy(1.0), "weak")):
-        regression = regression_of(LIBRARIES["bouc_wen"], [made(reading)], 0.0, "auto")
-        assert regression is not None
-        assert regression.form == form
+def regressed(terms: Sequence[str], experiment: Experiment, form: str = "weak") -> Regression:
+    found = regression_of(terms, [experiment], 0.0, form)
+    assert found is not None
+    return found
 
 
 @pytest.mark.parametrize(
-    ("percent", "form", "error"), [(0.0, "strong", 1e-3), (0.0, "weak", 0.02), (1.0, "weak", 0.03)]
+    ("percent", "asked", "form", "error"),
+    [(0.0, "auto", "strong", 1e-3), (0.0, "weak", "weak", 0.02), (1.0, "auto", "weak", 0.03)],
 )
-def test_coefficients_come_out(percent: float, form: str, error: float) -> None:
-    regression = regression_of(LIBRARIES["bouc_wen"], [made(noisy(percent))], 0.0, form)
-    assert regression is not None
+def test_coefficients_come_out_of_the_form_that_follows_the_noise(
+    percent: float, asked: str, form: str, error: float
+) -> None:
+    regression = regressed(LIBRARIES["bouc_wen"], made(noisy(percent)), asked)
+    assert regression.form == form
     assert least_squares(regression, (0, 1, 2)) == pytest.approx([10.0, -0.75, -0.5], rel=error, abs=error)
 
 
@@ -78,33 +80,34 @@ def test_lost_frames_and_uneven_times_leave_the_coefficients() -> None:
     reading = BOUC_WEN.copy()
     reading[500:502] = np.nan
     reading[900:960] = np.nan
-    regression = regression_of(LIBRARIES["bouc_wen"], [made(reading[kept], VOLTS[kept], TIME[kept])], 0.0, "weak")
-    assert regression is not None
+    regression = regressed(LIBRARIES["bouc_wen"], made(reading[kept], VOLTS[kept], TIME[kept]))
     assert least_squares(regression, (0, 1, 2)) == pytest.approx([10.0, -0.75, -0.5], rel=0.05, abs=0.05)
 
 
 def test_scaling_the_displacement_and_the_voltage_changes_no_support() -> None:
-    big = Record(TIME, 50.0 * VOLTS, 0.02 * BOUC_WEN)
-    one = regression_of(LIBRARIES["combined"], [made(BOUC_WEN)], 0.0, "weak")
-    other = regression_of(LIBRARIES["combined"], [experiment_of(big, "b", Settings(), "linear")], 0.0, "weak")
-    assert one is not None
-    assert other is not None
-    assert supports(one) == supports(other)
+    one, other = (made(0.02 * BOUC_WEN, 50.0 * VOLTS), made(BOUC_WEN))
+    assert supports(regressed(LIBRARIES["combined"], one)) == supports(regressed(LIBRARIES["combined"], other))
 
 
 def test_the_true_terms_are_among_the_supports() -> None:
-    terms = ("u'", "w |u'|", "|w| u'", "w", "u")
-    regression = regression_of(terms, [made(noisy(0.3))], 0.0, "weak")
-    assert regression is not None
-    assert (0, 1, 2) in supports(regression)
+    assert (0, 1, 2) in supports(regressed(("u'", "w |u'|", "|w| u'", "w", "u"), made(noisy(0.3))))
 
 
 def test_terms_that_do_the_same_are_left_out_and_named() -> None:
     volts = 2.0 + np.sin(TIME)
-    regression = regression_of(("w", "|w|", "u", "u'"), [made(3.0 * volts + np.cos(TIME), volts)], 0.0, "strong")
-    assert regression is not None
+    regression = regressed(("w", "|w|", "u", "u'"), made(3.0 * volts + np.cos(TIME), volts), "strong")
     assert regression.terms == ("w", "u", "u'")
     assert regression.twins == (("|w|", "w"),)
+
+
+def test_the_ensemble_is_reproducible_and_sure_of_the_truth() -> None:
+    regression = regressed(LIBRARIES["combined"], made(noisy(0.3)))
+    draws = [ensemble_of(regression, 20, 0.05, np.random.default_rng(s)) for s in (4, 4, 5)]
+    assert np.array_equal(draws[0].median, draws[1].median)
+    assert not np.array_equal(draws[0].median, draws[2].median)
+    kept = {regression.terms[k] for k in likely(draws[0])}
+    assert {"u'", "w |u'|"} <= kept
+    assert draws[0].median[regression.terms.index("u'")] == pytest.approx(10.0, rel=0.1)
 
 
 def test_collinear_columns_are_seen_in_the_condition_number() -> None:
@@ -112,17 +115,6 @@ def test_collinear_columns_are_seen_in_the_condition_number() -> None:
     condition, _, vectors = conditioning(np.column_stack([np.ones_like(u), u**2, rate**2]))
     assert condition > 1e12
     assert np.all(np.abs(vectors[-1]) > 0.3)
-
-
-def test_the_ensemble_is_reproducible_and_sure_of_the_truth() -> None:
-    regression = regression_of(LIBRARIES["combined"], [made(noisy(0.3))], 0.0, "weak")
-    assert regression is not None
-    draws = [ensemble_of(regression, 20, 0.05, np.random.default_rng(s)) for s in (4, 4, 5)]
-    assert np.array_equal(draws[0].median, draws[1].median)
-    assert not np.array_equal(draws[0].median, draws[2].median)
-    kept = {regression.terms[k] for k in likely(draws[0])}
-    assert {"u'", "w |u'|"} <= kept
-    assert draws[0].median[regression.terms.index("u'")] == pytest.approx(10.0, rel=0.1)
 
 
 W, U, RATE = np.array([-2.0, 3.0]), np.array([4.0, -5.0]), np.array([-6.0, 7.0])
@@ -146,13 +138,6 @@ def test_terms_have_values_and_units(term: str, values: list[float], unit: str) 
     assert unit_of(term) == unit
 
 
-@given(st.permutations(LIBRARIES["combined"]))
-def test_the_library_follows_a_permutation_of_its_terms(terms: list[str]) -> None:
-    columns = library(terms, W, U, RATE)
-    for k, term in enumerate(terms):
-        assert columns[:, k].tolist() == evaluated(term, W, U, RATE).tolist()
-
-
 @given(w=st.floats(0.1, 10.0), u=st.floats(0.1, 10.0), t=st.floats(0.1, 10.0))
 def test_a_scaled_coefficient_is_one_where_the_term_alone_makes_the_rate(w: float, u: float, t: float) -> None:
     for term in LIBRARIES["combined"]:
@@ -165,56 +150,45 @@ PLAYED_V = 25.0 * (1.0 - np.cos(0.9 * PLAYED_s)) * (0.3 + 0.7 * np.sin(0.11 * PL
 BASE = nothing_else()
 
 
-def operator() -> Model:
-    return with_transducer(
-        BASE, "prandtl_ishlinskii",
-        linear_gain_um_per_V=0.3, thresholds_V=(3.0, 9.0), weights_um_per_V=(0.1, 0.05),
-    )  # fmt: skip
+def plays(gain: float, thresholds_V: tuple[float, ...], weights: tuple[float, ...]) -> Model:
+    numbers = {"linear_gain_um_per_V": gain, "thresholds_V": thresholds_V, "weights_um_per_V": weights}
+    return with_transducer(BASE, "prandtl_ishlinskii", **numbers)
 
 
-def played(model: Model, noise_um: float = 0.02, offset_um: float = 0.0) -> Experiment:
+PLAYS = plays(0.3, (3.0, 9.0), (0.1, 0.05))
+BENT = (
+    with_transducer(BASE, "sparse_equation", terms=("u'", "u u'"), coefficients=(0.4, 0.004))
+    .with_block("rate_independent_hysteresis", form="plays", thresholds_V=(4.0,), weights_um_per_V=(0.1,))
+    .with_block("creep", gains=(0.08,), time_constants_s=(2.0,))
+)
+
+
+def played(model: Model, offset_um: float = 0.0) -> Experiment:
     reading = Simulator(Drive.of_rows(PLAYED_s, PLAYED_V)).run(model).reading_um + offset_um
-    reading += noise_um * np.random.default_rng(0).standard_normal(len(PLAYED_s))
+    reading += 0.02 * np.random.default_rng(0).standard_normal(len(PLAYED_s))
     return experiment_of(Record(PLAYED_s, PLAYED_V, reading), "a", Settings())
 
 
-def held_out_percent(fit: Candidate, experiment: Experiment) -> float:
-    _, held_out = scores(fit, [experiment])
+@pytest.mark.parametrize(
+    ("model", "offset_um", "bent"),
+    [(PLAYS, -7.0, False), (plays(-0.3, (3.0,), (-0.1,)), 0.0, False), (BENT, 0.0, True)],
+    ids=["plays and an offset", "negative", "a polynomial and creep"],
+)
+def test_prandtl_ishlinskii_finds_what_is_there_and_nothing_else(model: Model, offset_um: float, bent: bool) -> None:
+    experiment = played(model, offset_um)
+    found = fit_prandtl_ishlinskii([experiment], BASE)
+    _, held_out = scores(found, [experiment])
     assert held_out is not None
-    return held_out.error_percent
+    assert held_out.error_percent < 1.0
+    assert ("polynomial" in found.title, "creep" in found.title) == (bent, bent)
+    if not bent:
+        assert found.fit.offset_um == pytest.approx(offset_um, abs=0.02)
 
 
-def test_prandtl_ishlinskii_finds_plays_an_offset_and_nothing_else() -> None:
-    experiment = played(operator(), offset_um=-7.0)
-    found = fit_prandtl_ishlinskii([experiment], BASE)
-    assert held_out_percent(found, experiment) < 1.0
-    assert found.fit.offset_um == pytest.approx(-7.0, abs=0.02)
-    assert "creep" not in found.title
-    assert "polynomial" not in found.title
-    left, remanent = remanence_um(found.model, 40.0, 5.0)
+def test_the_remanence_of_plays_is_that_of_their_thresholds() -> None:
+    left, remanent = remanence_um(PLAYS, 40.0, 5.0)
     assert remanent
-    assert left == pytest.approx(0.1 * 3.0 + 0.05 * 9.0, rel=0.1)
-
-
-def test_prandtl_ishlinskii_finds_a_polynomial_and_creep() -> None:
-    bent = with_transducer(BASE, "sparse_equation", terms=("u'", "u u'"), coefficients=(0.4, 0.004))
-    plays = {"thresholds_V": (4.0,), "weights_um_per_V": (0.1,)}
-    model = bent.with_block("rate_independent_hysteresis", form="plays", **plays)
-    model = model.with_block("creep", gains=(0.08,), time_constants_s=(2.0,))
-    experiment = played(model)
-    found = fit_prandtl_ishlinskii([experiment], BASE)
-    assert held_out_percent(found, experiment) < 1.0
-    assert "polynomial" in found.title
-    assert "creep" in found.title
-
-
-def test_prandtl_ishlinskii_works_with_a_gain_of_either_sign() -> None:
-    model = with_transducer(
-        BASE, "prandtl_ishlinskii",
-        linear_gain_um_per_V=-0.3, thresholds_V=(3.0,), weights_um_per_V=(-0.1,),
-    )  # fmt: skip
-    experiment = played(model)
-    assert held_out_percent(fit_prandtl_ishlinskii([experiment], BASE), experiment) < 1.0
+    assert left == pytest.approx(0.1 * 3.0 + 0.05 * 9.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("alpha", [-0.2, 0.3])
@@ -237,11 +211,11 @@ def test_a_lag_finds_its_own_coefficients() -> None:
 @pytest.mark.slow
 def test_an_operator_is_written_where_the_learned_equation_cannot_follow() -> None:
     settings = Settings(library="paper", ensemble=0)
-    outcome = identify([played(operator())], BASE, settings, np.random.default_rng(0))
+    outcome = identify([played(PLAYS)], BASE, settings, np.random.default_rng(0))
     assert outcome.written.candidate.id == "prandtl_ishlinskii"
     assert outcome.written.remanent
     assert any("holds the operator" in finding for finding in outcome.findings)
-    kept = identify([played(operator())], BASE, replace(settings, keep="sindy"), np.random.default_rng(0))
+    kept = identify([played(PLAYS)], BASE, replace(settings, keep="sindy"), np.random.default_rng(0))
     assert kept.written.candidate.id == "sindy"
 
 
@@ -412,3 +386,24 @@ def test_a_period_of_one_tone_is_enough_for_the_terms_under_noise() -> None:
     errors, found = learn_bouc_wen(1e-2, 1.0, np.random.default_rng(1), (one_tone,), duration_s=20.0)
     assert {c.name for c in found.coefficients} == {"u'", "w |u'|", "|w| u'"}
     assert errors.unseen < 0.3
+
+
+def of_columns(columns: np.ndarray, rates: np.ndarray) -> Regression:
+    count = columns.shape[1]
+    return Regression(tuple(map(str, range(count))), columns, rates, np.ones(count), "weak", 1)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 4), st.sampled_from([0.0, 1e-14]))
+def test_terms_that_others_add_up_to_are_not_offered(seed: int, dependent: int, rounding: float) -> None:
+    rng = np.random.default_rng(seed)
+    free = rng.standard_normal((60, 3))
+    added_up = free @ rng.standard_normal((3, dependent)) + rounding * rng.standard_normal((60, dependent))
+    rates = free @ np.array([1.0, 0.0, -0.5])
+    found = greedy_supports(of_columns(np.column_stack([free, added_up]), rates))
+    assert (0, 2) in found
+    assert all(k < 3 for support in found for k in support)
+
+
+@pytest.mark.parametrize("columns", [np.zeros((60, 2)), np.empty((60, 0))])
+def test_terms_of_nothing_have_no_supports(columns: np.ndarray) -> None:
+    assert greedy_supports(of_columns(columns, np.ones(60))) == []

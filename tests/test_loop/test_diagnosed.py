@@ -45,37 +45,45 @@ def _known(folder: Path, left_percent: float | None, **further: object) -> Known
     return diagnosed(model).known
 
 
-@pytest.mark.parametrize(("told", "delay_s"), [(_delay(0.002), 0.002), (_visible(0.004), 0.004)])
+REFITTED = {"refitted": {"transport_delay.delay_s": {"before": 0.058, "after": 0.059, "unit": "s", "std": 3e-4}}}
+
+
+@pytest.mark.parametrize(
+    ("left", "told", "delay_s"),
+    [
+        (2.0, _delay(0.002), 0.002),
+        (2.0, _visible(0.004), 0.004),
+        # by its own deviation, where the model has a dead time
+        (2.0, REFITTED, 6e-4),
+        (1.0, {}, None),
+        (1.0, _visible(None), None),
+        (None, _visible(0.004), None),
+    ],
+)
 def test_a_device_is_known_by_what_its_model_leaves_and_by_the_dead_time_that_would_show(
-    tmp_path: Path, told: dict[str, object], delay_s: float
+    tmp_path: Path, left: float | None, told: dict[str, object], delay_s: float | None
 ):
-    known = _known(tmp_path, 2.0, **told)
-    assert known is not None
-    assert known == pytest.approx((2.0 * math.sqrt(12.0) * 2.0, delay_s))
+    known = _known(tmp_path, left, **told)
+    if left is None or delay_s is None:
+        assert known is None
+    else:
+        assert known == pytest.approx((left * math.sqrt(12.0) * 2.0, delay_s))
 
 
-@pytest.mark.parametrize(("left", "told"), [(1.0, {}), (1.0, _visible(None)), (None, _visible(0.004))])
-def test_where_the_records_bound_either_not_nothing_is_known(
-    tmp_path: Path, left: float | None, told: dict[str, object]
-):
-    assert _known(tmp_path, left, **told) is None
-
-
-def test_the_dead_time_of_the_model_itself_is_known_by_its_own_deviation(tmp_path: Path):
-    refitted = {"transport_delay.delay_s": {"before": 0.058, "after": 0.059, "unit": "s", "std": 3e-4}}
-    known = _known(tmp_path, 1.0, refitted=refitted)
-    assert known is not None
-    assert known.delay_error_s == pytest.approx(6e-4)
+def test_a_diagnosis_vouches_for_the_file_that_it_left_and_for_no_other(tmp_path: Path):
+    assert _known(tmp_path, 2.0) is None
+    assert diagnosed(tmp_path / "model.toml").vouched_for, "although it bounds nothing"
+    assert _known(tmp_path, 1.0, **_visible(0.004)) is not None
+    (tmp_path / "model.toml").write_text("changed by hand")
+    found = diagnosed(tmp_path / "model.toml")
+    assert (found.known, found.rms_um, found.vouched_for) == (None, 0.3, False)
+    assert not NOTHING.vouched_for
 
 
 @pytest.mark.parametrize(
     ("left", "told", "said"),
     [
-        (
-            1.25,
-            _visible(0.004),
-            "diagnosis.json: gap.after.nrmse_percent is 1.25, and the dead time is known to 0.004 s",
-        ),
+        (1.25, _visible(0.004), "gap.after.nrmse_percent is 1.25, and the dead time is known to 0.004 s"),
         (1.25, _visible(0.004) | {"recalibrated": {"gain": {"after": 0.5, "std": 0.1}}}, "recalibrated.gain 0.5 ± 0.1"),
         (1.25, {}, "diagnosis.json does not bound the dead time"),
         (None, _visible(0.004), "diagnosis.json does not bound the gain"),
@@ -93,13 +101,6 @@ def test_by_which_file_and_numbers_a_device_is_known_is_said(
     assert "no diagnosis.json" in diagnosed("paper").source
 
 
-def test_a_model_that_was_changed_since_is_not_the_one_that_was_diagnosed(tmp_path: Path):
-    assert _known(tmp_path, 1.0, **_visible(0.004)) is not None
-    (tmp_path / "model.toml").write_text("with a name put in")
-    found = diagnosed(tmp_path / "model.toml")
-    assert (found.known, found.rms_um) == (None, 0.3)
-
-
 @settings(max_examples=50, deadline=None)
 @given(left=st.floats(0.0, 20.0), worse=st.floats(0.0, 20.0), std=st.floats(0.0, 0.2))
 def test_what_leaves_more_is_known_less_and_a_gain_no_better_than_its_interval(
@@ -113,11 +114,3 @@ def test_what_leaves_more_is_known_less_and_a_gain_no_better_than_its_interval(
     assert more is not None
     assert LEAST_GAIN_ERROR_PERCENT <= one.gain_error_percent <= more.gain_error_percent
     assert more.gain_error_percent >= 400.0 * std
-
-
-def test_a_diagnosis_vouches_for_the_file_that_it_left_and_for_no_other(tmp_path: Path):
-    assert _known(tmp_path, 2.0) is None
-    assert diagnosed(tmp_path / "model.toml").vouched_for, "although it bounds nothing"
-    (tmp_path / "model.toml").write_text("changed by hand")
-    assert not diagnosed(tmp_path / "model.toml").vouched_for
-    assert not NOTHING.vouched_for

@@ -18,7 +18,6 @@ from bender_loop.shell.files import (
     prepare_directory,
     read_text_file,
     results_folder,
-    unused,
     write_atomically,
     write_result,
 )
@@ -27,17 +26,11 @@ from bender_loop.shell.run import Run, doing, running
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])
-def test_data_arrive_unchanged(tmp_path, data, stored):
-    path = tmp_path / "out.txt"
-    write_atomically(path, data)
-    assert path.read_bytes() == stored
-
-
-def test_an_old_file_is_replaced(tmp_path):
+def test_data_replace_an_old_file_unchanged(tmp_path, data, stored):
     path = tmp_path / "out.txt"
     path.write_text("a much longer text that was here before")
-    write_atomically(path, "new")
-    assert path.read_text() == "new"
+    write_atomically(path, data)
+    assert path.read_bytes() == stored
     assert os.listdir(tmp_path) == ["out.txt"]
 
 
@@ -137,37 +130,21 @@ def test_a_pipe_a_device_and_a_socket_are_refused_at_once(tmp_path):
     assert time.perf_counter() - start_s < 1.0
 
 
-def test_a_place_that_nobody_named_is_never_an_old_one(tmp_path):
-    place = tmp_path / "compare-a.b"
-    for number in (1, 2, 3):
-        found = unused(place)
-        assert found == (place if number == 1 else tmp_path / f"compare-a.b-{number}")
-        found.mkdir()
-
-
-@pytest.mark.parametrize("force", [False, True])
-def test_results_of_an_earlier_run_are_overwritten_only_when_asked(tmp_path: Path, force: bool):
-    out = tmp_path / "demo"
-    asked = argparse.Namespace(out=out, force=force)
-    assert results_folder(asked) == out
-    out.mkdir()
-    assert results_folder(asked) == out
-    (out / "index.html").touch()
-    if force:
-        assert results_folder(asked) == out
-        return
+def test_results_of_an_earlier_run_are_overwritten_only_when_asked(tmp_path: Path):
+    (tmp_path / "demo").mkdir()
+    asked, forced = (argparse.Namespace(out=tmp_path / "demo", force=x) for x in (False, True))
+    assert results_folder(asked) == asked.out
+    (asked.out / "index.html").touch()
+    assert results_folder(forced) == asked.out
     with pytest.raises(InputError, match=r"demo: holds the results of an earlier run.*--force"):
         results_folder(asked)
 
 
 def test_results_without_a_name_get_one_where_nothing_is_yet(tmp_path: Path):
-    found = []
-    for _ in range(3):
-        asked = argparse.Namespace(out=None, force=False, usual_out=tmp_path / "demo")
-        found.append(results_folder(asked).name)
-        assert asked.out.name == found[-1]
+    for name in ("compare-a.b", "compare-a.b-2", "compare-a.b-3"):
+        asked = argparse.Namespace(out=None, force=False, usual_out=tmp_path / "compare-a.b")
+        assert results_folder(asked) == asked.out == tmp_path / name
         asked.out.mkdir()
-    assert found == ["demo", "demo-2", "demo-3"]
 
 
 def test_results_of_another_question_are_kept_and_those_of_the_same_one_replaced(tmp_path: Path):
@@ -192,38 +169,37 @@ class _Terminal(io.StringIO):
         return True
 
 
-class _Clock:
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
-def test_pipe_gets_a_plain_line_at_most_every_two_seconds():
-    stream, clock = io.StringIO(), _Clock()
-    with Progress("tuning", stream, clock=clock) as progress:
+@pytest.mark.parametrize(
+    ("total", "shown"),
+    [(10, ["tuning: 4/10, best 4", "tuning: 8/10, best 8"]), (None, ["tuning: 4, best 4", "tuning: 8, best 8"])],
+)
+def test_pipe_gets_a_plain_line_at_most_every_two_seconds(total: int | None, shown: list[str]):
+    stream, now_s = io.StringIO(), 0.0
+    with Progress("tuning", stream, clock=lambda: now_s) as progress:
         for done in range(10):
-            clock.now_s = 0.5 * done
-            progress.update(done, 10, f"best {done}")
-    assert stream.getvalue().splitlines() == ["tuning: 4/10, best 4", "tuning: 8/10, best 8"]
+            now_s = 0.5 * done
+            progress.update(done, total, f"best {done}")
+    assert stream.getvalue().splitlines() == shown
 
 
-def test_unknown_total_is_left_out():
-    stream, clock = io.StringIO(), _Clock()
-    with Progress("reading", stream, clock=clock) as progress:
-        clock.now_s = 3.0
-        progress.update(7)
-    assert stream.getvalue() == "reading: 7\n"
+COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3\d|9\d)[;m]")
 
 
-def test_terminal_gets_a_bar_that_shows_text_with_brackets_as_it_is(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("TERM", "xterm")
-    stream = _Terminal()
-    with Progress("tuning", stream) as progress:
+@pytest.mark.parametrize("no_color", [False, True])
+def test_terminal_gets_a_bar_and_a_table_that_show_brackets_and_honour_no_color(
+    monkeypatch: pytest.MonkeyPatch, no_color: bool
+):
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    if no_color:
+        monkeypatch.setenv("NO_COLOR", "1")
+    bar, table = _Terminal(), _Terminal()
+    with Progress("tuning", bar) as progress:
         progress.update(3, 10, "[red]x")
-    assert "3/10" in stream.getvalue()
-    assert "[red]x" in stream.getvalue()
+    print_table("gap [all]", ["model", "rms_um"], [["[b]paper", 1.5]], table)
+    assert bool(COLOUR.search(bar.getvalue())) is not no_color
+    assert all(x in bar.getvalue() for x in ("3/10", "[red]x"))
+    assert all(x in table.getvalue() for x in ("[b]paper", "gap [all]"))
 
 
 def test_plain_table_is_aligned_and_free_of_escapes():
@@ -236,21 +212,6 @@ def test_plain_table_is_aligned_and_free_of_escapes():
         "paper   12.35",
         "beam        -",
     ]
-
-
-COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3\d|9\d)[;m]")
-
-
-@pytest.mark.parametrize("no_color", [False, True])
-def test_terminal_honours_no_color(monkeypatch: pytest.MonkeyPatch, no_color: bool):
-    monkeypatch.setenv("TERM", "xterm-256color")
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    if no_color:
-        monkeypatch.setenv("NO_COLOR", "1")
-    stream = _Terminal()
-    with Progress("tuning", stream) as progress:
-        progress.update(3, 10)
-    assert bool(COLOUR.search(stream.getvalue())) is not no_color
 
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
@@ -266,14 +227,6 @@ def test_a_table_of_sentences_is_no_wider_than_the_terminal(columns: int, monkey
     assert sorted(stream.getvalue().replace("-", "").split()) == sorted(wide.getvalue().replace("-", "").split())
     assert max(map(len, wide.getvalue().splitlines())) > 200
     assert len([line for line in lines if line.startswith(("source", "sensor"))]) == 2
-
-
-def test_terminal_table_shows_brackets_as_they_are(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("TERM", "xterm-256color")
-    stream = _Terminal()
-    print_table("gap [all]", ["model", "rms_um"], [["[b]paper", 1.5]], stream)
-    assert "[b]paper" in stream.getvalue()
-    assert "gap [all]" in stream.getvalue()
 
 
 def test_table_refuses_a_ragged_row():

@@ -1,7 +1,6 @@
 """FMUs that cannot be used: refused before anything is unpacked or loaded, and what is said; ports and units."""
 
 import math
-import re
 import shutil
 import stat
 import struct
@@ -9,7 +8,6 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-import fmpy
 import pytest
 from few import few
 from fmpy import platform
@@ -47,6 +45,21 @@ def test_what_is_no_archive_is_refused(lag_fmu, tmp_path, name, message):
         FmuPlant(tmp_path / name)
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2, zipfile.ZIP_DEFLATED])
+def test_a_damaged_entry_in_any_way_of_packing_is_bad_input(lag_fmu, tmp_path, method):
+    path = tmp_path / "packed.fmu"
+    with zipfile.ZipFile(lag_fmu) as old, zipfile.ZipFile(path, "w", method) as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+        entry = new.getinfo("modelDescription.xml")
+    data = bytearray(path.read_bytes())
+    begin = entry.header_offset + 30 + len(entry.filename)
+    data[begin + 12 : begin + 60] = bytes(48)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"damaged|cannot be"):
+        FmuPlant(path, input_name="u", output_name="y")
+
+
 @pytest.mark.parametrize("entry", [b"modelDescription.xml", b".py", b".so"])
 def test_archive_with_flipped_bytes(lag_fmu, tmp_path, entry):
     data = bytearray(lag_fmu.read_bytes())
@@ -58,31 +71,32 @@ def test_archive_with_flipped_bytes(lag_fmu, tmp_path, entry):
         FmuPlant(path, input_name="u", output_name="y")
 
 
-def without_description(name: str) -> str | None:
-    return None if name == "modelDescription.xml" else name
-
-
-def for_another_platform(name: str) -> str:
-    return name.replace(f"binaries/{fmpy.platform}", "binaries/amiga500")
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<ModelVariables>", "<ModelVariables", "not well-formed"),
+        ('valueReference="0"', 'valueReference="first"', r"modelDescription.xml cannot be used"),
+        ("<CoSimulation", "<ModelExchange", "found a model-exchange FMU, expected co-simulation"),
+        ('causality="input"', 'causality="local"', "found no input that is one real number"),
+        *((f'{x}="', f'{x}="a', rf"DefaultExperiment, {x}: found 'a.*', expected") for x in ("stepSize", "stopTime")),
+        *((VERSION, f'fmiVersion="{x}"', rf"version {x}, expected 2.0 or 3.0") for x in ("1.0", "4.0", "2.1")),
+    ],
+)
+def test_what_is_no_fmu_of_ours_to_run_is_refused(edited, old, new, message):
+    with pytest.raises(InputError, match=message):
+        FmuPlant(edited((old, new)), output_name="y")
 
 
 @pytest.mark.parametrize(
-    ("changes", "rename", "message"),
+    ("old", "new", "message"),
     [
-        ((), without_description, r"no modelDescription.xml"),
-        ((), for_another_platform, r"no binary binaries/.* found binaries for amiga500, win"),
-        ((("<ModelVariables>", "<ModelVariables"),), str, "not well-formed"),
-        ((('valueReference="0"', 'valueReference="first"'),), str, r"modelDescription.xml cannot be used"),
-        ((("<CoSimulation", "<ModelExchange"),), str, "found a model-exchange FMU, expected co-simulation"),
-        *(
-            (((VERSION, f'fmiVersion="{x}"'),), str, rf"found FMI version {x}, expected 2.0 or 3.0")
-            for x in ("1.0", "4.0", "2.1")
-        ),
+        ("modelDescription.xml", None, r"no modelDescription.xml"),
+        (f"binaries/{platform}", "binaries/amiga500", r"no binary binaries/.* found binaries for amiga500, win"),
     ],
 )
-def test_what_is_no_fmu_of_ours_to_run_is_refused(edited, changes, rename, message):
+def test_an_fmu_without_description_or_binary_is_refused(edited, old, new, message):
     with pytest.raises(InputError, match=message):
-        FmuPlant(edited(*changes, rename=rename))
+        FmuPlant(edited(rename=lambda name: name.replace(old, new) if new else None if name == old else name))
 
 
 def test_a_binary_that_is_none(edited, tmp_path, monkeypatch):
@@ -97,35 +111,23 @@ def test_a_binary_that_is_none(edited, tmp_path, monkeypatch):
     assert Path.cwd() == before
 
 
-def test_ports_are_found_by_themselves_where_there_is_no_choice(edited, lag_fmu):
-    with pytest.raises(InputError, match=r"found 4 Real outputs, none called displacement.*held, y, doubled"):
-        FmuPlant(lag_fmu)
+def test_ports_are_found_by_themselves_where_there_is_no_choice(edited):
     with FmuPlant(edited(('name="y"', 'name="displacement"'))) as plant:
         assert (plant.input.name, plant.output.name) == ("u", "displacement")
-
-
-def test_no_input_at_all(edited):
-    path = edited(('causality="input"', 'causality="local"'))
-    with pytest.raises(InputError, match="found no input that is one real number"):
-        FmuPlant(path, output_name="y")
 
 
 @pytest.mark.parametrize(
     ("ports", "message"),
     [
-        ({"input_name": "uu", "output_name": "y"}, "no variable 'uu', expected a Real input; there is u"),
-        (
-            {"input_name": "u", "output_name": "Y"},
-            "no variable 'Y', expected a Real output; there are held, y, doubled",
-        ),
-        ({"input_name": "gain", "output_name": "y"}, "'gain' is a Real parameter, expected a Real input"),
-        ({"input_name": "u", "output_name": "steps"}, "'steps' is a Integer output, expected a Real output"),
-        ({"input_name": "y", "output_name": "u"}, "'y' is a Real output, expected a Real input"),
+        ((None, None), r"found 4 Real outputs, none called displacement.*held, y, doubled"),
+        (("uu", "y"), "no variable 'uu', expected a Real input; there is u"),
+        (("gain", "y"), "'gain' is a Real parameter, expected a Real input"),
+        (("u", "steps"), "'steps' is a Integer output, expected a Real output"),
     ],
 )
 def test_wrong_ports(lag_fmu, ports, message):
     with pytest.raises(InputError, match=message):
-        FmuPlant(lag_fmu, **ports)
+        FmuPlant(lag_fmu, input_name=ports[0], output_name=ports[1])
 
 
 @pytest.mark.parametrize(
@@ -136,7 +138,6 @@ def test_wrong_ports(lag_fmu, ports, message):
         ({"gain": math.nan}, "parameter 'gain': found nan, expected a finite number"),
         ({"forgetful": 0.5}, "parameter 'forgetful': found 0.5, expected a value of type Boolean"),
         ({"gain": -1.0}, "parameter 'gain': found -1.0, expected at least 0 m/V"),
-        ({"gain": 2.0}, "parameter 'gain': found 2.0, expected at most 1 m/V"),
     ],
 )
 def test_wrong_parameters(edited, values, message):
@@ -156,56 +157,44 @@ def test_near_names_are_listed_where_there_are_many(edited):
         parameter_settings(path, read_description(path), {"Bending_105x": 1.0})
 
 
-def ports_with_units(edited, input_unit, output_unit, definitions=""):
+def ports_with_units(edited, input_unit, output_unit, definitions="", quantities=USUAL):
     path = edited(
         ("<ModelVariables>", f"<UnitDefinitions>{definitions}</UnitDefinitions><ModelVariables>"),
         ('<Real start="5"/>', f'<Real start="5" unit="{input_unit}" />'),
         ("<Real/>", f'<Real unit="{output_unit}" />'),
     )
     description = read_description(path)
-    return find_input(path, description, "u"), find_output(path, description, "y")
+    return find_input(path, description, "u", quantities), find_output(path, description, "y", quantities)
 
 
-@pytest.mark.parametrize(("unit", "volts"), [("V", 1.0), ("mV", 1e-3), ("kV", 1e3), ("", 1.0), ("N", 1.0)])
-def test_input_unit(edited, unit, volts):
-    assert ports_with_units(edited, unit, "m")[0].internal == volts
+INCH = '<Unit name="inch"><BaseUnit m="1" factor="0.0254"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit>'
 
 
 @pytest.mark.parametrize(
-    ("unit", "micrometres"),
+    ("declared", "internal"),
     [
-        ("m", 1e6), ("mm", 1e3), ("um", 1.0), ("\N{MICRO SIGN}m", 1.0), ("\N{GREEK SMALL LETTER MU}m", 1.0),
-        ("nm", 1e-3), ("", 1e6), ("rad", 1.0), ("inch", 25400.0),
+        (("V", "m"), (1.0, 1e6)), (("mV", "mm"), (1e-3, 1e3)), (("kV", "um"), (1e3, 1.0)), (("", ""), (1.0, 1e6)),
+        (("N", "rad"), (1.0, 1.0)), (("V", "\N{MICRO SIGN}m"), (1.0, 1.0)), (("V", "nm"), (1.0, 1e-3)),
+        (("V", "\N{GREEK SMALL LETTER MU}m"), (1.0, 1.0)), (("V", "inch"), (1.0, 25400.0)),
     ],
 )  # fmt: skip
-def test_output_unit(edited, unit, micrometres):
-    inch = '<Unit name="inch"><BaseUnit m="1" factor="0.0254"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit>'
-    assert ports_with_units(edited, "V", unit, inch)[1].internal == pytest.approx(micrometres, rel=1e-15)
+def test_units_are_those_that_the_fmu_declares(edited, declared, internal):
+    found = ports_with_units(edited, *declared, definitions=INCH)
+    assert (found[0].internal, found[1].internal) == pytest.approx(internal, rel=1e-15)
 
 
-def test_a_port_without_unit_is_in_what_was_stated(edited):
-    path = edited()
-    description = read_description(path)
-    own = USUAL._replace(stated=("mV", "nm"))
-    assert find_input(path, description, "u", own).internal == 1e-3
-    assert find_output(path, description, "y", own).internal == 1e-3
-
-
-@pytest.mark.parametrize(("stated", "internal"), [(("kV", "m"), (1e-3, 1e3)), (("", ""), (1e-3, 1e3))])
-def test_a_declared_unit_counts_whatever_was_stated(edited, stated, internal):
-    path = edited(('<Real start="5"/>', '<Real start="5" unit="mV" />'), ("<Real/>", '<Real unit="mm" />'))
-    description = read_description(path)
+@pytest.mark.parametrize(
+    ("declared", "stated", "internal"),
+    [
+        (("", ""), ("mV", "nm"), (1e-3, 1e-3)),
+        (("mV", "mm"), ("kV", "m"), (1e-3, 1e3)),
+        (("mV", "mm"), ("", ""), (1e-3, 1e3)),
+    ],
+)
+def test_a_declared_unit_counts_and_without_one_what_was_stated(edited, declared, stated, internal):
     own = USUAL._replace(stated=stated)
-    assert find_input(path, description, "u", own).internal == internal[0]
-    assert find_output(path, description, "y", own).internal == internal[1]
-
-
-def test_units_reach_the_plant(edited):
-    path = edited(('<Real start="5"/>', '<Real start="5" unit="mV" />'), ("<Real/>", '<Real unit="mm" />'))
-    with FmuPlant(path, input_name="u", output_name="y") as plant:
-        plant.reset()
-        # 1 mm per mV of input (gain 1e-6 of the number set), settled.
-        assert plant.step(2.0, 10.0) == pytest.approx(2000.0 * 1e-6 * 1e3, rel=1e-12)
+    found = ports_with_units(edited, *declared, quantities=own)
+    assert (found[0].internal, found[1].internal) == internal
 
 
 def test_a_description_that_unpacks_to_more_than_any_model_needs_is_refused(lag_fmu, monkeypatch):
@@ -271,7 +260,11 @@ def test_a_ratio_that_no_model_has_is_refused_where_it_would_hurt(lag_fmu, tmp_p
         FmuPlant(path, input_name="u", output_name="y")
 
 
-def test_too_many_entries(lag_fmu, monkeypatch):
+def test_too_many_entries_and_more_than_fits_on_the_disk_are_refused(lag_fmu, monkeypatch):
+    usage = shutil.disk_usage("/")._replace(free=1000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(InputError, match="more than half of the 1000 bytes that are free"):
+        FmuPlant(lag_fmu, input_name="u", output_name="y")
     monkeypatch.setattr(fmu_bounds, "MOST_ENTRIES", 3)
     with pytest.raises(InputError, match="entries, expected at most 3"):
         FmuPlant(lag_fmu, input_name="u", output_name="y")
@@ -290,13 +283,6 @@ def test_a_link_is_refused(lag_fmu, tmp_path):
     path = with_entry(lag_fmu, tmp_path / "link.fmu", "resources/link", b"/etc/passwd", mode=stat.S_IFLNK | 0o777)
     with pytest.raises(InputError, match="a symbolic link"):
         FmuPlant(path, input_name="u", output_name="y")
-
-
-def test_an_fmu_that_does_not_fit_on_the_disk(lag_fmu, monkeypatch):
-    usage = shutil.disk_usage("/")._replace(free=1000)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    with pytest.raises(InputError, match="more than half of the 1000 bytes that are free"):
-        FmuPlant(lag_fmu, input_name="u", output_name="y")
 
 
 def elf(machine: int = 62, kind: int = 3, bits: int = 64, order: str = "<") -> bytes:
@@ -344,18 +330,15 @@ def test_libraries_for_their_platform(folder, data):
         ("linux64", b"#!/bin/sh\n", "no machine code"),
         ("linux64", b"", "an empty file"),
         ("linux64", elf(3, bits=32), "ELF file for x86,"),
-        ("linux64", elf(40, bits=32), "ELF file for arm,"),
         ("linux64", elf(183), "ELF file for aarch64,"),
         ("linux64", elf(62, bits=32), "with 32 bit addresses"),
         ("linux64", elf(21, order=">"), "ELF file for powerpc64,"),
         ("linux64", elf(kind=2), "no shared library"),
-        ("linux64", elf(kind=1), "no shared library"),
         ("linux64", elf()[:30], "cut off"),
         ("linux64", elf()[:100], "cut off"),
         ("linux64", pe(), "a PE file for x86_64"),
         ("win64", pe(characteristics=2), "no shared library"),
         ("win64", pe(0xAA64), "PE file for aarch64"),
-        ("win64", b"MZ" + bytes(100), "no machine code"),
         ("win64", b"MZ", "cut off"),
         ("aarch64-darwin", mach(), "Mach-O file for x86_64,"),
         ("darwin64", mach(kind=2), "no shared library"),
@@ -412,32 +395,3 @@ def test_an_fmu_of_fmi_3_has_other_folders(tmp_path, monkeypatch, interface, fol
     faults = [finding.what for finding in check(path, trial=False).faults]
     assert bool(faults) is broken, faults
     assert not any(fault.endswith("there are ") for fault in faults)
-
-
-def test_a_number_of_the_description_that_is_none(lag_fmu, tmp_path):
-    text = zipfile.ZipFile(lag_fmu).read("modelDescription.xml").decode()
-    for place, said in (("stepSize", "DefaultExperiment, stepSize"), ("stopTime", "DefaultExperiment, stopTime")):
-        spoilt = re.sub(r"<DefaultExperiment[^>]*/>", "", text)
-        spoilt = spoilt.replace("<ModelVariables>", f'<DefaultExperiment {place}="parameter"/><ModelVariables>')
-        path = tmp_path / f"{place}.fmu"
-        with zipfile.ZipFile(lag_fmu) as old, zipfile.ZipFile(path, "w") as new:
-            for name in old.namelist():
-                new.writestr(name, spoilt if name == "modelDescription.xml" else old.read(name))
-        with pytest.raises(InputError, match=f"{said}: found 'parameter', expected a number"):
-            FmuPlant(path, input_name="u", output_name="y")
-
-
-def test_a_damaged_entry_in_any_way_of_packing_is_bad_input(lag_fmu, tmp_path):
-    for method in (zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2, zipfile.ZIP_DEFLATED):
-        path = tmp_path / f"packed{method}.fmu"
-        with zipfile.ZipFile(lag_fmu) as old, zipfile.ZipFile(path, "w", method) as new:
-            for name in old.namelist():
-                new.writestr(name, old.read(name))
-        data = bytearray(path.read_bytes())
-        with zipfile.ZipFile(path) as archive:
-            entry = archive.getinfo("modelDescription.xml")
-        begin = entry.header_offset + 30 + len(entry.filename)
-        data[begin + 12 : begin + 60] = bytes(48)
-        path.write_bytes(data)
-        with pytest.raises(InputError, match=r"damaged|cannot be"):
-            FmuPlant(path, input_name="u", output_name="y")

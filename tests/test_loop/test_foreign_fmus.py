@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from few import few
 from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
@@ -55,11 +56,11 @@ def test_units_are_those_that_the_fmu_declares(tmp_path: Path, input_unit: str, 
 
 
 @pytest.mark.parametrize("state", [True, False])
-def test_even_steps_are_taken_and_uneven_ones_refused(tmp_path: Path, state: bool):
-    even = [(voltage, 0.02) for voltage, _ in MOVES]
+def test_even_steps_are_taken_with_their_rounding_and_uneven_ones_refused(tmp_path: Path, state: bool):
+    even = [(1.0, step_s) for step_s in np.diff(np.arange(20) * 0.01).tolist()]
     with FmuPlant(foreign_fmu(tmp_path / "lag.fmu", any_step=False, state=state)) as plant:
         assert run(plant, even) == pytest.approx(closed_form(even), rel=1e-12)
-        with pytest.raises(InputError, match="equal steps only"):
+        with pytest.raises(InputError, match=r"equal steps only.*found 0.05 s after 0.02 s"):
             run(plant, MOVES)
         assert run(plant, even) == pytest.approx(closed_form(even), rel=1e-12)
 
@@ -107,26 +108,36 @@ print([a for a, _ in both] == alone and [b for _, b in both] == lag_alone and al
     assert done.stdout == "True\n", done.stderr
 
 
+@pytest.mark.parametrize("capable", few([True, False], 0))
+def test_compare_takes_it(tmp_path: Path, capable: bool):
+    path = foreign_fmu(tmp_path / "lag.fmu", any_step=capable, state=capable, output_unit="mm", gain=1e-3)
+    even = [(voltage, 0.02) for voltage, _ in MOVES * 5]
+    rows = zip(even, [0.0, *closed_form(even)[:-1]], strict=True)
+    lines = ["time_s,voltage_V,displacement_um", *(f"{0.02 * k!r},{u!r},{y!r}" for k, ((u, _), y) in enumerate(rows))]
+    (tmp_path / "record.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = ["--fmu", path, "--input", "drive.u", "--output", "sensor.y", "--out", tmp_path / "compared"]
+    assert main(["compare", str(tmp_path / "record.csv"), *map(str, words)]) == 0
+    compared = json.loads((tmp_path / "compared" / "comparison.json").read_text(encoding="utf-8"))
+    assert compared["before"]["rms_um"] < 1e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("capable", few([True, False], 0))
 def test_tune_takes_it(tmp_path: Path, capable: bool):
     path = foreign_fmu(tmp_path / "lag.fmu", any_step=capable, state=capable, input_unit="mV", gain=1e-9)
-    out = tmp_path / "tuned"
-    words = ["--fmu", path, "--evaluations", "12", "--duration", "0.5", "--setpoint", "5", "--exposure", "0"]
-    assert main(["tune", *map(str, words), "--out", str(out)]) == 0
-    assert json.loads((out / "tuning.json").read_text(encoding="utf-8"))
-
-
-@pytest.mark.parametrize("capable", few([True, False], 0))
-def test_compare_takes_it(tmp_path: Path, capable: bool, capsys: pytest.CaptureFixture[str]):
-    path = foreign_fmu(tmp_path / "lag.fmu", any_step=capable, state=capable, output_unit="mm", gain=1e-3)
-    even = [(voltage, 0.02) for voltage, _ in MOVES * 5]
-    rows = [0.0, *closed_form(even)]
-    lines = ["time_s,voltage_V,displacement_um"]
-    lines += [f"{0.02 * k!r},{voltage!r},{rows[k]!r}" for k, (voltage, _) in enumerate(even)]
-    record = tmp_path / "record.csv"
-    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    words = ["--fmu", path, "--input", "drive.u", "--output", "sensor.y", "--out", tmp_path / "compared"]
-    assert main(["compare", str(record), *map(str, words)]) == 0
-    compared = json.loads((tmp_path / "compared" / "comparison.json").read_text(encoding="utf-8"))
-    assert compared["before"]["rms_um"] < 1e-9
+    words = [
+        "--fmu",
+        path,
+        "--evaluations",
+        12,
+        "--duration",
+        0.5,
+        "--setpoint",
+        5,
+        "--exposure",
+        0,
+        "--out",
+        tmp_path / "o",
+    ]
+    assert main(["tune", *map(str, words)]) == 0
+    assert json.loads((tmp_path / "o" / "tuning.json").read_text(encoding="utf-8"))

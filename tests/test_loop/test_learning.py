@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.test_loop.test_model_following import PERIOD_S, Lag, follower
+from tests.test_loop.test_model_following import PERIOD_S
 
 from bender_export.slaves.following import FollowedPlant
 from bender_loop.control.following_loop import simulate_following
@@ -59,18 +59,6 @@ def test_the_smoothing_shifts_nothing_and_keeps_a_straight_line():
     pulse = np.zeros(21)
     pulse[10] = 1.0
     assert smooth(pulse) == pytest.approx(smooth(pulse)[::-1])
-
-
-def test_a_scan_through_a_wrong_model_is_learned_within_eight_passes():
-    times = np.arange(REFERENCE.size) * PERIOD_S
-    known, made = begin(REFERENCE), follower(3, shaper=None, limits=Limits(-50.0, 50.0))
-    sampling = Sampling(1.0 / PERIOD_S)
-    for _ in range(8):
-        profile = Profile(tuple(times.tolist()), tuple(known.target_um.tolist()))
-        device = Lag(gain=0.42, lag_s=0.1, dead_steps=3)
-        trace = simulate_following(device, made, profile, sampling, times[-1], dead_time_s=0.03)
-        known = learn(known, REFERENCE, trace.displacement_um[: REFERENCE.size], 0.0)
-    assert known.best_error_um < known.errors_um[0] / 20.0
 
 
 def test_a_scan_of_1_Hz_over_unknown_hysteresis_and_creep_is_learned_within_eight_passes():

@@ -42,36 +42,27 @@ def test_a_record_in_blocks_has_the_same_bits(tmp_path: Path):
     assert [x for x in told if x[2] == "time_s"] == [(k, count, "time_s") for k in range(count)]
 
 
-def test_empty_readings_are_lost_frames_and_an_empty_time_is_named(tmp_path: Path):
+def test_empty_readings_are_lost_frames(tmp_path: Path):
     write_record(tmp_path / "a.csv", record())
     text = (tmp_path / "a.csv").read_text(encoding="utf-8").replace(",nan", ",")
     (tmp_path / "a.csv").write_text(text.replace("\n", "\r\n"), encoding="utf-8", newline="")
     assert same(read_record(tmp_path / "a.csv"), record())
-    lines = text.splitlines()
-    lines[2000] = "," + lines[2000].partition(",")[2]
-    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    with pytest.raises(InputError, match="line 2001, column time_s: found '', expected a number"):
-        read_record(tmp_path / "a.csv")
 
 
-@pytest.mark.parametrize(("cell", "said"), [("1_0", "found '1_0'"), ("0x10", "found '0x10'"), ("1;2", "found '1;2'")])
-def test_a_bad_cell_far_below_is_named(tmp_path: Path, cell: str, said: str):
-    write_record(tmp_path / "a.csv", record())
-    lines = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
-    time, _, rest = lines[2500].split(",")
-    lines[2500] = f"{time},{cell},{rest}"
-    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(InputError, match=f"line 2501, column voltage_V: {said}"):
-        read_record(tmp_path / "a.csv")
-
-
-@pytest.mark.parametrize("broken", ["1,2", "1,2,3,4", "", " "])
-def test_a_line_of_another_length_is_named(tmp_path: Path, broken: str):
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (",0,0", ", column time_s: found '', expected a number"),
+        *((f"83.3,{x},0", f", column voltage_V: found '{x}'") for x in ("1_0", "0x10", "1;2")),
+        *((x, ": found") for x in ("1,2", "1,2,3,4", "", " ")),
+    ],
+)
+def test_a_bad_line_far_below_is_named(tmp_path: Path, broken: str, said: str):
     write_record(tmp_path / "a.csv", record())
     lines = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
     lines[2500] = broken
     (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(InputError, match="line 2501: found"):
+    with pytest.raises(InputError, match=f"line 2501{said}"):
         read_record(tmp_path / "a.csv")
 
 

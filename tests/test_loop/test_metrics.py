@@ -88,18 +88,11 @@ def test_scale(scale, sign):
     np.testing.assert_allclose(in_order(step_metrics(scaled)), factors * in_order(step_metrics(one)), rtol=1e-9)
 
 
-@given(rest=st.floats(-50.0, 50.0))
-def test_offset(rest):
+@given(rest=st.floats(-50.0, 50.0), shift=st.integers(-1000, 1000))
+def test_offset_and_shift_in_time(rest, shift):
     plain = ringing(end_s=3.0, step_s=0.01)
-    moved = trace_of(plain.time_s, plain.displacement_um + rest, 10.0 + rest)
+    moved = trace_of(plain.time_s + 0.01 * shift, plain.displacement_um + rest, 10.0 + rest)
     np.testing.assert_allclose(in_order(step_metrics(moved)), in_order(step_metrics(plain)), rtol=1e-7, atol=1e-9)
-
-
-@given(shift=st.integers(-1000, 1000))
-def test_shift_in_time(shift):
-    plain = ringing(end_s=3.0, step_s=0.01)
-    moved = trace_of(plain.time_s + 0.01 * shift, plain.displacement_um, 10.0)
-    np.testing.assert_allclose(in_order(step_metrics(moved)), in_order(step_metrics(plain)), rtol=1e-9, atol=1e-9)
 
 
 @given(rows=st.integers(1, 200))
@@ -111,20 +104,14 @@ def test_what_lies_before_the_step_is_left_out(rows):
     np.testing.assert_allclose(in_order(figures), in_order(step_metrics(plain)), rtol=1e-9, atol=1e-9)
 
 
-def test_what_is_never_reached_is_not_a_number():
+def test_what_is_never_reached_or_left_again_is_not_a_number():
     time_s = np.arange(100) * 0.01
     low = step_metrics(trace_of(time_s, 5.0 * -np.expm1(-time_s / 0.1), 10.0))
     assert math.isnan(low.rise_time_s)
     assert math.isnan(low.settling_time_s)
     assert low.steady_state_error_um == pytest.approx(5.0, abs=0.01)
-    flat = step_metrics(trace_of(time_s, np.zeros(100), 10.0))
-    assert math.isnan(flat.rise_time_s)
-
-
-def test_leaving_the_band_at_the_end_is_not_settled():
-    displacement = np.full(50, 10.0)
-    displacement[0], displacement[-1] = 0.0, 11.0
-    assert math.isnan(step_metrics(trace_of(np.arange(50.0), displacement, 10.0)).settling_time_s)
+    left = np.array([0.0, *[10.0] * 98, 11.0])
+    assert math.isnan(step_metrics(trace_of(time_s, left, 10.0)).settling_time_s)
 
 
 def test_a_diverged_run_is_worse_than_any_other():
@@ -142,19 +129,6 @@ def test_between_the_frames():
     assert step_metrics(trace, intersample=True).overshoot_percent == pytest.approx(40.0)
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({"setpoint_um": 0.0}, "setpoint_um must differ from the displacement at the step, found 0.0"),
-        ({"start_s": 1.0}, "start_s must leave at least 2 samples"),
-        ({"intersample": True}, "intersample needs a trace with more than one plant step"),
-    ],
-)
-def test_bad_requests(more, message):
-    with pytest.raises(ValueError, match=message):
-        step_metrics(trace_of([0.0, 1.0], [0.0, 9.0], 10.0), **more)
-
-
 EVERY = [
     Step(10.0, 0.5, 2.0),
     Sine(4.0, 1.5, 6.0, 0.3),
@@ -170,33 +144,17 @@ def test_value_is_sample(reference, times):
     assert [reference.value(time_s) for time_s in times] == pytest.approx(sampled.tolist(), abs=1e-12)
 
 
-def test_a_step_is_taken_where_rounding_puts_its_time():
-    assert [Step(10.0, 0.3, 1.0).value(t) for t in (0.0, 0.29, 0.1 + 0.2, 9.0)] == [1.0, 1.0, 10.0, 10.0]
-
-
-def test_profile_holds():
-    profile = Profile((0.0, 0.5, 2.0), (1.0, 2.0, 3.0))
-    assert [profile.value(t) for t in (-1.0, 0.0, 0.49, 0.5, 1.99, 2.0, 99.0)] == [1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
-
-
-def test_sine_by_hand():
-    sine = Sine(2.0, 0.25, 5.0, math.pi / 2)
-    assert [sine.value(t) for t in (0.0, 1.0, 2.0)] == pytest.approx([7.0, 5.0, 3.0])
-    assert Sine(2.0, 0.25).value(1.0) == pytest.approx(2.0)
-
-
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("reference", "times", "values"),
     [
-        (lambda: Step(math.nan), "level_um must be finite, found nan"),
-        (lambda: Sine(1.0, -1.0), "frequency_Hz must be > 0, found -1.0"),
-        (lambda: Profile((0.0, 0.0), (1.0, 2.0)), "times_s must increase strictly"),
-        (lambda: Profile((), ()), "must be of one length > 0"),
+        (Step(10.0, 0.3, 1.0), (0.0, 0.29, 0.1 + 0.2, 9.0), (1.0, 1.0, 10.0, 10.0)),
+        (Profile((0.0, 0.5, 2.0), (1.0, 2.0, 3.0)), (-1.0, 0.0, 0.49, 0.5, 1.99, 2.0, 99.0), (1, 1, 1, 2, 2, 3, 3)),
+        (Sine(2.0, 0.25, 5.0, math.pi / 2), (0.0, 1.0, 2.0), (7.0, 5.0, 3.0)),
+        (Sine(2.0, 0.25), (1.0,), (2.0,)),
     ],
 )
-def test_bad_settings(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
+def test_references_by_hand_and_where_rounding_puts_their_times(reference, times, values):
+    assert [reference.value(t) for t in times] == pytest.approx(values, abs=1e-12)
 
 
 def test_profile_from_a_file(tmp_path):
@@ -220,3 +178,24 @@ def test_bad_profiles(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_profile(path)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Step(math.nan), "level_um must be finite, found nan"),
+        (lambda: Sine(1.0, -1.0), "frequency_Hz must be > 0, found -1.0"),
+        (lambda: Profile((0.0, 0.0), (1.0, 2.0)), "times_s must increase strictly"),
+        (lambda: Profile((), ()), "must be of one length > 0"),
+        (lambda: metrics_to(0.0), "setpoint_um must differ from the displacement at the step, found 0.0"),
+        (lambda: metrics_to(10.0, start_s=1.0), "start_s must leave at least 2 samples"),
+        (lambda: metrics_to(10.0, intersample=True), "intersample needs a trace with more than one plant step"),
+    ],
+)
+def test_impossible_references_and_requests_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def metrics_to(setpoint_um, **more):
+    return step_metrics(trace_of([0.0, 1.0], [0.0, 9.0], setpoint_um), **more)

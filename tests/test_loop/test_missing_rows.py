@@ -1,5 +1,8 @@
 """Rows that a logger has lost are put in where the command cannot have been held meanwhile."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,6 +26,12 @@ def moving(jitter_s: float = 0.0, seed: int = 1) -> Record:
 def without(record: Record, missing: np.ndarray) -> Record:
     kept = np.setdiff1d(np.arange(len(record)), missing)
     return Record(*(x[kept] for x in (record.time_s, record.voltage_V, record.displacement_um)))  # pyright: ignore[reportArgumentType]
+
+
+def commanded(volts: np.ndarray, missing: np.ndarray) -> Record:
+    """Return a record of other commands that lacks these rows, one every 10 ms."""
+    time_s = 0.01 * np.arange(float(volts.size))
+    return without(Record(time_s, np.asarray(volts, dtype=np.float64), np.zeros(volts.size)), missing)
 
 
 @given(missing=st.sets(st.integers(1, ROWS - 2), min_size=1, max_size=20), jitter_s=st.sampled_from([0.0, 5e-4]))
@@ -86,122 +95,86 @@ def test_a_command_that_came_late_in_a_gap_acts_before_the_row_that_is_put_in() 
     assert found.command_time_s[99] == found.time_s[100]
 
 
-def test_a_record_that_lacks_nothing_is_the_same_one() -> None:
-    assert completed(whole := moving()) is whole
-    assert completed(found := completed(without(whole, np.array([7, 50])))) is found
+STEPS_V = np.repeat(np.arange(10.0), 40)
+STOOD_V = np.where((np.arange(ROWS) >= 99) & (np.arange(ROWS) <= 160), 20.0, moving().voltage_V)
+LEVELS_V = np.random.default_rng(4).uniform(0.0, 40.0, 20)
+BURSTS_s = np.concatenate([k + np.arange(12.0) / 1e3 for k in range(20)])
+SPARSE_s = np.concatenate([[0.0], np.cumsum(np.tile([1.0] * 59 + [30.0] * 6, 12))[:-1]])
+UNEVEN_s = np.cumsum(np.random.default_rng(2).exponential(0.01, ROWS))
 
 
-def test_a_command_that_is_held_was_held_meanwhile() -> None:
-    whole = moving()
-    record = without(Record(whole.time_s, np.repeat(np.arange(10.0), 40), whole.displacement_um), np.array([37]))
+@pytest.mark.parametrize(
+    "record",
+    [
+        moving(),
+        commanded(STEPS_V, np.array([37])),
+        commanded(STOOD_V, np.arange(100, 160)),
+        Record(UNEVEN_s, np.arange(float(ROWS)), np.zeros(ROWS)),
+        Record(BURSTS_s, np.repeat(LEVELS_V, 12), np.zeros(240)),
+        Record(SPARSE_s, np.repeat(LEVELS_V[:12], 65), np.zeros(780)),
+    ],
+    ids=["whole", "held meanwhile", "stood through a pause", "uneven clock", "bursts", "sparse at rest"],
+)
+def test_a_record_that_lacks_nothing_that_counts_is_the_same_one(record: Record) -> None:
     assert completed(record) is record
 
 
-@pytest.mark.parametrize("missing", [1, 20])
-def test_behind_a_pause_in_which_a_held_command_has_changed_readings_are_left_out(missing: int) -> None:
-    whole = moving()
-    first = 40 - missing // 2
-    record = without(
-        Record(whole.time_s, np.repeat(np.arange(10.0), 40), whole.displacement_um), first + np.arange(missing)
-    )
-    found = completed(record)
-    assert found.made_up is None
-    assert found.behind_pauses == max(missing, 8)
-    assert np.flatnonzero(np.isnan(found.displacement_um)).tolist() == list(range(first, first + max(missing, 8)))
+def waves() -> np.ndarray:
+    phases = np.random.default_rng(5).uniform(0.0, 6.3, (12, 1))
+    return np.sin(2.0 * np.pi * np.linspace(0.005, 0.1, 12)[:, None] * np.arange(2000) + phases).sum(axis=0)
 
 
-@pytest.mark.parametrize(("rows_a_turn", "left_out"), [(5.0, 8), (100.0, 0)])
-def test_readings_behind_a_pause_count_where_the_command_is_foretold_across_it(
-    rows_a_turn: float, left_out: int
+def sine(rows_a_turn: float) -> np.ndarray:
+    return 20.0 * np.sin(2.0 * np.pi * np.arange(ROWS) / rows_a_turn)
+
+
+def noisy_staircase() -> np.ndarray:
+    """Levels of 25 rows, read back with noise."""
+    rng = np.random.default_rng(6)
+    return np.repeat(rng.uniform(0.0, 40.0, 80), 25) + 1e-3 * rng.standard_normal(2000)
+
+
+SINGLE = np.random.default_rng(5).choice(np.arange(10, 1990), 100, replace=False)
+ONE_AT_A_STEP = np.concatenate([[500], 25 * np.arange(1, 70) + 12])
+
+
+@pytest.mark.parametrize(
+    ("record", "put_in", "first", "left_out"),
+    [
+        # a held command has changed meanwhile
+        (commanded(STEPS_V, np.array([40])), 0, 40, 8),
+        (commanded(STEPS_V, np.arange(30, 50)), 0, 30, 20),
+        # too long to be bridged, and the command has moved
+        (without(moving(), np.arange(100, 101 + MOST_AT_ONCE)), 0, 100, 33),
+        (without(moving(), np.arange(100, 320)), 0, 100, 18),
+        # the command is foretold across the gap, or is not
+        (commanded(sine(100.0), np.arange(100, 104)), 4, 104, 0),
+        (commanded(sine(5.0), np.arange(100, 104)), 4, 104, 8),
+        # a cubic meets a sine of 40 rows a turn across 8 rows, a straight line across 9 does not
+        (commanded(sine(40.0), np.arange(100, 108)), 8, 108, 0),
+        (commanded(sine(40.0), np.arange(100, 109)), 9, 109, 9),
+        # single rows of what is well foretold; of a staircase, only the one at a step counts
+        (commanded(waves(), SINGLE), 100, 0, 0),
+        (commanded(noisy_staircase(), ONE_AT_A_STEP), 70, 501, 8),
+    ],
+)
+def test_readings_behind_a_gap_are_left_out_where_the_command_in_it_is_not_foretold(
+    record: Record, put_in: int, first: int, left_out: int
 ) -> None:
-    whole = moving()
-    volts = np.asarray(20.0 * np.sin(2.0 * np.pi * np.arange(ROWS) / rows_a_turn), dtype=np.float64)
-    found = completed(without(Record(whole.time_s, volts, whole.displacement_um), np.arange(100, 104)))
-    assert found.made_up is not None
-    assert found.made_up.sum() == 4
-    assert found.behind_pauses == left_out
-
-
-@pytest.mark.parametrize("missing", [MOST_AT_ONCE + 1, 220])
-def test_behind_a_long_pause_readings_are_left_out_where_the_command_has_moved(missing: int) -> None:
-    record = without(moving(), np.arange(100, 100 + missing))
     found = completed(record)
-    assert len(found) == len(record)
-    assert found.behind_pauses == min(missing, int(0.1 * len(record)))
-    assert np.flatnonzero(np.isnan(found.displacement_um)).tolist() == list(range(100, 100 + found.behind_pauses))
+    made_up = np.zeros(len(found), dtype=bool) if found.made_up is None else found.made_up
+    assert made_up.sum() == put_in
+    assert found.behind_pauses == left_out
+    lost = np.flatnonzero(np.isnan(found.displacement_um) & ~made_up)
+    assert lost.tolist() == list(range(first, first + left_out))
     assert completed(found) is found
 
 
-def test_a_device_that_stood_through_a_pause_is_known_behind_it() -> None:
-    whole = moving()
-    volts = np.where((np.arange(ROWS) >= 99) & (np.arange(ROWS) <= 160), 20.0, whole.voltage_V)
-    record = without(Record(whole.time_s, volts, whole.displacement_um), np.arange(100, 160))
-    assert completed(record) is record
-
-
-def test_a_clock_that_is_not_even_stays_as_it_is() -> None:
-    rng = np.random.default_rng(2)
-    uneven = Record(np.cumsum(rng.exponential(0.01, ROWS)), np.arange(float(ROWS)), np.zeros(ROWS))
-    assert completed(uneven) is uneven
-
-
-def test_a_plant_that_is_driven_with_a_record_answers_the_missing_rows_too() -> None:
-    class Sum:
-        """Adds up what is commanded."""
-
-        total = 0.0
-
-        def reset(self) -> None:
-            self.total = 0.0
-
-        def read(self) -> float:
-            return self.total
-
-        def step(self, voltage_V: float, step_s: float) -> float:
-            self.total += voltage_V * step_s
-            return self.total
-
-        def close(self) -> None:
-            """Nothing is open."""
-
-    whole = moving()
-    kept = np.delete(np.arange(ROWS), [10, 11, 12, 260])
-    lost = Record(whole.time_s[kept], whole.voltage_V[kept], whole.displacement_um[kept])
-    found, expected = replay(Sum(), lost), replay(Sum(), whole)
-    assert found.simulated_um == pytest.approx(expected.simulated_um[kept], abs=1e-9)
-    assert found.acting_V == pytest.approx(expected.acting_V[kept], abs=1e-9)
-
-
-def test_a_logger_that_takes_rows_when_something_happens_lacks_none() -> None:
-    rng = np.random.default_rng(4)
-    levels = rng.uniform(0.0, 40.0, 20)
-    bursts_s = np.concatenate([k + np.arange(12.0) / 1e3 for k in range(20)])
-    bursts = Record(bursts_s, np.repeat(levels, 12), rng.standard_normal(240))
-    assert completed(bursts) is bursts
-    steps_s = np.concatenate([[0.0], np.cumsum(np.tile([1.0] * 59 + [30.0] * 6, 12))[:-1]])
-    sparse_at_rest = Record(steps_s, np.repeat(levels[:12], 65), rng.standard_normal(780))
-    assert completed(sparse_at_rest) is sparse_at_rest
-
-
-def test_single_rows_lost_of_what_is_well_foretold_take_no_readings_with_them() -> None:
-    rng = np.random.default_rng(5)
-    rows = np.arange(2000)
-    phases = rng.uniform(0.0, 6.3, 12)
-    waves = [np.sin(2.0 * np.pi * f * rows + p) for f, p in zip(np.linspace(0.005, 0.1, 12), phases, strict=True)]
-    lost = rng.choice(np.arange(10, 1990), 100, replace=False)
-    found = completed(without(Record(np.arange(2000.0) / 1e3, np.sum(waves, axis=0), np.zeros(2000)), lost))
-    assert found.made_up is not None
-    assert found.made_up.sum() == 100
-    assert found.behind_pauses == 0
-
-
-def test_a_staircase_whose_command_is_read_back_with_noise_is_known_but_at_its_steps() -> None:
-    rng = np.random.default_rng(6)
-    volts = np.repeat(rng.uniform(0.0, 40.0, 80), 25) + 1e-3 * rng.standard_normal(2000)
-    lost = np.concatenate([[500], 25 * np.arange(1, 70) + 12])
-    found = completed(without(Record(np.arange(2000.0) / 1e3, volts, np.zeros(2000)), lost))
-    assert found.pauses == (501,)
-    assert found.behind_pauses == 8
+def test_a_plant_that_is_driven_with_a_record_answers_the_missing_rows_too(lag: Callable[[], Any]) -> None:
+    whole, rows = moving(), np.array([10, 11, 12, 260])
+    found, expected = replay(lag(), without(whole, rows)), replay(lag(), whole)
+    assert found.simulated_um == pytest.approx(np.delete(expected.simulated_um, rows), abs=1e-9)
+    assert found.acting_V == pytest.approx(np.delete(expected.acting_V, rows), abs=1e-9)
 
 
 def test_no_more_than_a_quarter_of_the_readings_is_left_out() -> None:
@@ -216,14 +189,3 @@ def test_no_more_than_a_quarter_of_the_readings_is_left_out() -> None:
     assert longer.behind_pauses == 38
     assert np.flatnonzero(np.isnan(longer.displacement_um)).tolist() == list(range(100, 138))
     assert without_remembered(short, 1e3).behind_pauses <= 0.1 * len(short) + 40
-
-
-@pytest.mark.parametrize(("missing", "left_out"), [(8, 0), (9, 9)])
-def test_a_gap_is_judged_by_the_course_that_bridges_it(missing: int, left_out: int) -> None:
-    """A cubic meets a sine of 40 rows a turn across 8 rows, a straight line across 9 does not."""
-    volts = np.asarray(20.0 * np.sin(2.0 * np.pi * np.arange(ROWS) / 40.0), dtype=np.float64)
-    whole = moving()
-    found = completed(without(Record(whole.time_s, volts, whole.displacement_um), np.arange(100, 100 + missing)))
-    assert found.made_up is not None
-    assert found.made_up.sum() == missing
-    assert found.behind_pauses == left_out

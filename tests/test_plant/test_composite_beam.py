@@ -1,11 +1,12 @@
 """The composite beam against hand numbers, a finite-element beam and the laws of beams."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.linalg import eigh
 from scipy.optimize import brentq
@@ -30,8 +31,8 @@ TABLE_1 = CompositeBeam((POLYIMIDE, PVDF))
 PAPER_AXIS = replace(TABLE_1, neutral_axis="paper")
 
 
-def finite_elements(beam: CompositeBeam, count: int = 40) -> tuple[np.ndarray, np.ndarray, float]:
-    """Frequencies (Hz), static shares and static gain (um/V) of a coupled extension-bending beam.
+def finite_elements(beam: CompositeBeam, count: int = 40) -> tuple[float, float]:
+    """First frequency (Hz) and static gain (um/V) of a coupled extension-bending beam.
 
     Each node has an axial, a transverse and a rotational freedom; stiffness and piezoelectric load are integrated
     through the thickness from the middle of the stack, so the neutral axis is never asked for.
@@ -74,10 +75,8 @@ def finite_elements(beam: CompositeBeam, count: int = 40) -> tuple[np.ndarray, n
     condense = np.linalg.solve(K[np.ix_(axial, axial)], K[np.ix_(axial, bending)])
     stiffness = K[np.ix_(bending, bending)] - K[np.ix_(bending, axial)] @ condense
     force = load[bending] - condense.T @ load[axial]
-    values, vectors = eigh(stiffness, mass[np.ix_(bending, bending)])
-    tip = vectors[-2] * (vectors.T @ force) / values
-    static = np.linalg.solve(stiffness, force)[-2]
-    return np.sqrt(values[:6]) / (2 * math.pi), tip[:6] / static, abs(static) * 1e6
+    values = eigh(stiffness, mass[np.ix_(bending, bending)], eigvals_only=True)
+    return math.sqrt(values[0]) / (2 * math.pi), -np.linalg.solve(stiffness, force)[-2] * 1e6
 
 
 def test_hand_numbers_of_table_1() -> None:
@@ -96,20 +95,27 @@ def test_paper_axis_gives_the_numbers_of_the_paper() -> None:
     assert static_gain_um_per_V(PAPER_AXIS) == pytest.approx(1.2962, abs=5e-5)
 
 
-def test_against_finite_elements() -> None:
-    frequencies, shares, gain = finite_elements(TABLE_1)
-    assert [natural_frequency_Hz(TABLE_1, k) for k in range(1, 5)] == pytest.approx(frequencies[:4], rel=2e-5)
-    assert [static_share(k) for k in range(1, 5)] == pytest.approx(shares[:4], rel=1e-4)
-    assert static_gain_um_per_V(TABLE_1) == pytest.approx(gain, rel=1e-9)
+layer = st.builds(
+    Layer,
+    st.just("any"),
+    st.floats(2e-5, 1e-4),
+    st.floats(1e9, 1e11),
+    st.floats(800.0, 8000.0),
+    st.floats(-1e-10, 1e-10),
+)
+layers = st.lists(layer, min_size=1, max_size=5).map(tuple)
+stacks = st.builds(CompositeBeam, layers, st.floats(5e-3, 0.05), st.floats(1e-3, 0.05))
 
 
-def test_many_layers_against_finite_elements() -> None:
-    silver = Layer("silver ink", 6e-6, 5e9, 6000.0)
-    glue = Layer("cyanoacrylate", 20e-6, 2e9, 1100.0)
-    beam = CompositeBeam((POLYIMIDE, glue, silver, PVDF, silver))
-    frequencies, _, gain = finite_elements(beam)
-    assert natural_frequency_Hz(beam, 1) == pytest.approx(frequencies[0], rel=2e-5)
-    assert static_gain_um_per_V(beam) == pytest.approx(gain, rel=1e-9)
+@given(stacks)
+@example(TABLE_1)
+@example(CompositeBeam((PVDF, POLYIMIDE)))
+def test_any_stack_of_layers_against_finite_elements(beam: CompositeBeam) -> None:
+    """A single layer, or layers that pull alike on either side of the axis, do not bend."""
+    assume(abs(static_gain_um_per_V(beam)) > 1e-3)
+    first_Hz, gain = finite_elements(beam)
+    assert natural_frequency_Hz(beam, 1) == pytest.approx(first_Hz, rel=1e-3)
+    assert static_gain_um_per_V(beam) == pytest.approx(gain, rel=1e-6)
 
 
 def test_wave_numbers_are_roots() -> None:
@@ -123,51 +129,22 @@ def test_static_shares_sum_to_one() -> None:
     assert sum(static_share(mode) for mode in range(1, 2001)) == pytest.approx(1.0, abs=1e-6)
 
 
-@given(st.floats(0.2, 5.0))
-def test_scaling_laws(factor: float) -> None:
-    longer = replace(TABLE_1, length_m=TABLE_1.length_m * factor)
-    assert natural_frequency_Hz(longer, 1) == pytest.approx(natural_frequency_Hz(TABLE_1, 1) / factor**2)
-    assert static_gain_um_per_V(longer) == pytest.approx(static_gain_um_per_V(TABLE_1) * factor**2)
-    wider = replace(TABLE_1, width_m=TABLE_1.width_m * factor)
-    assert natural_frequency_Hz(wider, 2) == pytest.approx(natural_frequency_Hz(TABLE_1, 2))
-    assert static_gain_um_per_V(wider) == pytest.approx(static_gain_um_per_V(TABLE_1))
-
-
-@given(st.floats(0.1, 0.9))
-def test_cutting_a_layer_in_two_changes_nothing(part: float) -> None:
-    parts = [replace(POLYIMIDE, thickness_m=50e-6 * x) for x in (part, 1.0 - part)]
-    cut = CompositeBeam((parts[0], parts[1], PVDF))
-    assert flexural_rigidity_N_m2(cut) == pytest.approx(flexural_rigidity_N_m2(TABLE_1), rel=1e-12)
-    assert moment_coefficient_N_m_per_V(cut) == pytest.approx(moment_coefficient_N_m_per_V(TABLE_1), rel=1e-12)
-
-
-def test_turning_the_stack_over_turns_the_sign() -> None:
-    over = CompositeBeam((PVDF, POLYIMIDE))
-    assert static_gain_um_per_V(over) == pytest.approx(-static_gain_um_per_V(TABLE_1), rel=1e-12)
-
-
 def test_the_built_in_models_carry_table_1() -> None:
     for name in ("paper", "beam", "bench"):
         assert load_model(name).beam == TABLE_1
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("make", "words"),
     [
-        ({"thickness_m": -1e-6}, "beam.layer\\[PVDF\\].thickness_m: found -1e-06, expected"),
-        ({"young_modulus_Pa": math.nan}, "young_modulus_Pa: found nan, expected a finite number"),
-        ({"density_kg_per_m3": "heavy"}, "density_kg_per_m3: found 'heavy'"),
+        (lambda: replace(PVDF, thickness_m=-1e-6), "beam.layer\\[PVDF\\].thickness_m: found -1e-06, expected"),
+        (lambda: replace(PVDF, young_modulus_Pa=math.nan), "young_modulus_Pa: found nan, expected a finite number"),
+        (lambda: replace(PVDF, density_kg_per_m3="heavy"), "density_kg_per_m3: found 'heavy'"),
+        (lambda: replace(TABLE_1, neutral_axis="middle"), "neutral_axis: found 'middle'"),
+        (lambda: CompositeBeam(()), "no layer"),
+        (lambda: CompositeBeam((PVDF,), neutral_axis="paper"), "passive layer"),
     ],
 )
-def test_impossible_layers_are_refused(change: dict[str, float], words: str) -> None:
+def test_impossible_layers_and_beams_are_refused(make: Callable[[], object], words: str) -> None:
     with pytest.raises(ModelError, match=words):
-        replace(PVDF, **change)
-
-
-def test_impossible_beams_are_refused() -> None:
-    with pytest.raises(ModelError, match="neutral_axis: found 'middle'"):
-        replace(TABLE_1, neutral_axis="middle")
-    with pytest.raises(ModelError, match="no layer"):
-        CompositeBeam(())
-    with pytest.raises(ModelError, match="passive layer"):
-        CompositeBeam((PVDF,), neutral_axis="paper")
+        make()

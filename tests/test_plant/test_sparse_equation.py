@@ -9,39 +9,25 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from plant_runs import run_plant
 from scipy.integrate import solve_ivp
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.blocks import BLOCKS, sparse_equation
 from bender_plant.blocks.sparse_equation import Powers, powers_of
-from bender_plant.model import BlockSettings, Model, load_model
+from bender_plant.model import BlockSettings, Model, load_model, model_from_table
 from bender_plant.parameter import ModelError
-from bender_plant.plant import Plant
 
 PAPER = load_model("paper")
 STAIRS = np.array([20.0, 20.0, 45.0, 10.0, 10.0, 30.0, 0.0, 50.0, 5.0, -30.0, -30.0, 49.0])
 BOUC_WEN = {"terms": ("u'", "w |u'|", "|w| u'"), "coefficients": (0.8, -0.05, -0.02)}
 DUHEM = {"terms": ("u'", "w |u'|", "u |u'|", "w", "u^2"), "coefficients": (0.4, -0.06, 0.03, -0.9, 0.004)}
-LEARNED: dict[str, Any] = {}
-EXAMPLES = [LEARNED, BOUC_WEN, DUHEM]
 voltage = st.floats(-50.0, 50.0)
 
 
 def swapped(block_id: str, **parameters: Any) -> Model:
     kept = tuple(s for s in PAPER.blocks if not BLOCKS[s.id].transducer)
     return replace(PAPER, blocks=(*kept, BlockSettings(block_id, BLOCKS[block_id].parameters(**parameters))))
-
-
-def run(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1) -> np.ndarray:
-    plant = Plant(model)
-    state = plant.initial()
-    readings = []
-    for k, volts in enumerate(voltages):
-        reading = 0.0
-        for part in range(parts):
-            state, reading, _ = plant.step(state, float(volts), (k + part / parts) * step_s, step_s / parts)
-        readings.append(reading)
-    return np.array(readings)
 
 
 def operate(parameters: dict[str, Any], path: list[float]) -> float:
@@ -55,13 +41,8 @@ def operate(parameters: dict[str, Any], path: list[float]) -> float:
 
 
 def test_the_defaults_are_equation_30() -> None:
-    ours, theirs = run(swapped("sparse_equation"), STAIRS, 1 / 30), run(PAPER, STAIRS, 1 / 30)
+    ours, theirs = run_plant(swapped("sparse_equation"), STAIRS, 1 / 30), run_plant(PAPER, STAIRS, 1 / 30)
     assert np.max(np.abs(ours - theirs)) < 1e-6
-
-
-def test_bouc_wen_is_a_special_case() -> None:
-    closed = swapped("bouc_wen", linear_gain_um_per_V=0.0, alpha_um_per_V=0.8, beta_1_per_V=0.05, gamma_1_per_V=0.02)
-    assert np.max(np.abs(run(swapped("sparse_equation", **BOUC_WEN), STAIRS, 0.1) - run(closed, STAIRS, 0.1))) < 1e-6
 
 
 @given(path=st.lists(voltage, min_size=1, max_size=5))
@@ -70,25 +51,6 @@ def test_polynomials_of_the_voltage_forget_the_path(path: list[float]) -> None:
     parameters = {"terms": ("u'", "u u'", "u^2 u'"), "coefficients": (0.5, 0.02, -3e-4)}
     u = path[-1]
     assert operate(parameters, path) == pytest.approx(0.5 * u + 0.01 * u**2 - 1e-4 * u**3, abs=1e-8)
-
-
-@given(path=st.lists(voltage, min_size=1, max_size=5), u=voltage, part=st.floats(0.0, 1.0))
-def test_a_monotone_stretch_may_be_cut_anywhere(path: list[float], u: float, part: float) -> None:
-    between = path[-1] + part * (u - path[-1])
-    assert operate(BOUC_WEN, [*path, between, u]) == pytest.approx(operate(BOUC_WEN, [*path, u]), abs=1e-6)
-
-
-@given(path=st.lists(voltage, min_size=1, max_size=5))
-def test_odd_terms_answer_a_mirrored_voltage_with_a_mirrored_displacement(path: list[float]) -> None:
-    assert operate(BOUC_WEN, [-u for u in path]) == pytest.approx(-operate(BOUC_WEN, path), abs=1e-9)
-
-
-@pytest.mark.parametrize("parameters", EXAMPLES)
-@pytest.mark.parametrize("supply", [{}, {"time_constant_s": 0.02}])
-def test_halving_the_step_changes_nothing(parameters: dict[str, Any], supply: dict[str, float]) -> None:
-    model = swapped("sparse_equation", **parameters).with_block("source_resistance", **supply)
-    for step_s in (1 / 30, 0.25):
-        assert np.max(np.abs(run(model, STAIRS, step_s) - run(model, STAIRS, step_s, parts=2))) < 1e-3
 
 
 @pytest.mark.parametrize("parameters", [BOUC_WEN, DUHEM])
@@ -113,13 +75,6 @@ def test_against_solve_ivp_on_a_smooth_voltage(parameters: dict[str, Any]) -> No
     assert np.max(np.abs(Simulator(drive).run(model).reading_um - exact)) < 1e-5
 
 
-def test_compiled_and_plain_agree() -> None:
-    model = swapped("sparse_equation", **DUHEM)
-    t = np.linspace(0.0, 0.05 * len(STAIRS), len(STAIRS) + 1)
-    compiled = Simulator(Drive.of_rows(t, np.append(STAIRS, 0.0))).run(model).reading_um
-    assert np.max(np.abs(compiled[1:] - run(model, STAIRS, 0.05))) < 1e-9
-
-
 def test_terms_are_read() -> None:
     assert powers_of("w |w|") == Powers(1, 1, 0, 0, 0)
     assert powers_of("u^2 u'") == Powers(0, 0, 2, 0, 1)
@@ -127,40 +82,29 @@ def test_terms_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("term", "says"),
-    [("", "zero at rest"), ("v", "'v'"), ("u' |u'|", "once at most"), ("u'^2", "once at most"), ("w^0", "w\\^0"),
-     ("w^10", "w\\^10"), ("w^9 w", "up to 9")],
-)  # fmt: skip
-def test_a_term_that_cannot_be_is_refused(term: str, says: str) -> None:
-    with pytest.raises(ModelError, match=says):
-        sparse_equation.Parameters(terms=(term,), coefficients=(1.0,))
-
-
-@pytest.mark.parametrize(
     ("terms", "coefficients", "says"),
-    [(("w",), (1.0, 2.0), "same number"), ((), (), "list of terms"), (("w", "|w| w^0"), (1.0, 1.0), "w\\^0"),
+    [*(((term,), (1.0,), says) for term, says in (
+        ("", "zero at rest"), ("v", "'v'"), ("u' |u'|", "once at most"), ("u'^2", "once at most"), ("w^0", "w\\^0"),
+        ("w^10", "w\\^10"), ("w^9 w", "up to 9"))),
+     (("w",), (1.0, 2.0), "same number"), ((), (), "list of terms"), (("w", "|w| w^0"), (1.0, 1.0), "w\\^0"),
      (("w u", "u w"), (1.0, 1.0), "each term once"), ((3.0,), (1.0,), "3.0"), (("w",), (math.nan,), "nan")],
 )  # fmt: skip
-def test_parameters_that_cannot_be_are_refused(terms: Any, coefficients: Any, says: str) -> None:
+def test_terms_and_coefficients_that_cannot_be_are_refused(terms: Any, coefficients: Any, says: str) -> None:
     with pytest.raises(ModelError, match=says):
         sparse_equation.Parameters(terms=terms, coefficients=coefficients)
 
 
 def test_a_model_file_carries_the_equation() -> None:
-    from bender_plant.model import model_from_table
-
     model = swapped("sparse_equation", **DUHEM)
     assert model_from_table(model.to_table()) == model
-    assert (
-        model.with_values({"sparse_equation.coefficients[2]": -0.07}).values()["sparse_equation.coefficients[2]"]
-        == -0.07
-    )
+    name = "sparse_equation.coefficients[2]"
+    assert model.with_values({name: -0.07}).values()[name] == -0.07
 
 
 def test_an_equation_that_runs_away_is_an_error() -> None:
     model = swapped("sparse_equation", terms=("w^2", "u"), coefficients=(1.0, 1.0))
     with pytest.raises(ArithmeticError):
-        run(model, np.full(50, 20.0), 0.1)
+        run_plant(model, np.full(50, 20.0), 0.1)
 
 
 signal = st.floats(-20.0, 20.0)
