@@ -153,12 +153,6 @@ def test_the_deadline_is_that_of_every_answer_and_then_that_of_the_discharge(clo
     assert source.patience.end_s == pytest.approx(landing.off_s + 3.0, abs=1e-3)
 
 
-def test_an_output_that_says_it_is_on_is_not_off(clock: Clock):
-    source = ClockedSource(clock, on=True, refused_offs=10**9)
-    landing, _, _ = _descend(source, 0.0)
-    assert landing == Landing(False, sentence="the supply says that its output is still on")
-
-
 def test_a_question_that_the_deadline_cuts_off_hides_nothing_that_the_supply_has_said(clock: Clock):
     class CutOff(ClockedSource):
         def confirm_off(self) -> bool:

@@ -2,10 +2,6 @@
 
 import itertools
 import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -241,23 +237,6 @@ def test_bad_words_are_one_line_and_nothing_is_written(
     assert main(["hil", *words]) == 2
     assert len(capfd.readouterr().err.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_an_interrupt_keeps_the_record(tmp_path: Path):
-    out = tmp_path / "run"
-    words = [sys.executable, "-m", "bender_hil", "--bench", _emulated(tmp_path), "--duration", "60", "--out", str(out)]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    end_s = time.perf_counter() + 30.0
-    while time.perf_counter() < end_s:
-        if (out / "run.jsonl").exists() and (out / "run.jsonl").read_text().count('"tick"') > 10:
-            break
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, complaint = process.communicate(timeout=20.0)
-    assert process.returncode == 130
-    assert "interrupted, the output is off" in complaint
-    assert len(read_record(out / "record.csv")) > 5
 
 
 def test_an_fmu_is_needed_for_the_emulated_bench(tmp_path: Path):
