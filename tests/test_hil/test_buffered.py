@@ -70,16 +70,15 @@ def test_what_may_be_played_is_what_commands_would_reach_whole(levels_V: list[fl
     assert near or (refused(levels_V, rate_Hz, LIMITS) is None) == is_whole
 
 
-@pytest.mark.parametrize("levels_V", [None, [], "1", [1.0, None], [float("nan")], [float("inf")], [True], {"a": 1.0}])
-def test_what_is_no_profile_ends_the_run(levels_V: object):
-    found = refused(levels_V, 100.0, LIMITS)
-    assert found is not None
-    assert found.code == "bad_command"
-
-
-@pytest.mark.parametrize("rate_Hz", [0.0, -1.0, float("nan"), float("inf"), None, "1", 2e5, True])
-def test_a_rate_that_is_none_ends_the_run(rate_Hz: object):
-    found = refused([0.0], rate_Hz, LIMITS)
+@pytest.mark.parametrize(
+    ("levels_V", "rate_Hz"),
+    [
+        *((x, 100.0) for x in (None, [], "1", [1.0, None], [float("nan")], [float("inf")], [True], {"a": 1.0})),
+        *(([0.0], x) for x in (0.0, -1.0, float("nan"), float("inf"), None, "1", 2e5, True)),
+    ],
+)
+def test_what_is_no_profile_or_no_rate_ends_the_run(levels_V: object, rate_Hz: object):
+    found = refused(levels_V, rate_Hz, LIMITS)
     assert found is not None
     assert found.code == "bad_command"
 

@@ -76,6 +76,13 @@ def applied(sequence: int, voltage_V: float, command_time_s: float, whole: bool 
     }  # fmt: skip
 
 
+def _record_of(folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], **facts: Any) -> Record:
+    write_run(folder, ticks, guard, **facts)
+    record = to_record(read_run(folder))
+    assert record is not None
+    return record
+
+
 def test_what_was_written_is_read_back_and_what_is_no_number_becomes_null(tmp_path: Path):
     journal = Journal(tmp_path / "a.jsonl")
     journal.write("tick", value=0.1 + 0.2, nothing=math.nan, parts=[1.0, math.inf], table={"x": -math.inf})
@@ -132,9 +139,7 @@ def test_the_record_has_the_time_of_the_light_and_the_time_of_the_wire(tmp_path:
         applied(1, 2.5, 5.04),
         applied(2, 9.0, 5.12),
     ]
-    write_run(tmp_path, ticks, guard)
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, ticks, guard)
     # the tick that the guard never took is no row; a command after the next frame is entered at that frame or last
     assert record.time_s == pytest.approx([0.0, 0.033, 0.067])
     assert record.voltage_V.tolist() == [1.5, 2.5, 9.0]
@@ -148,25 +153,19 @@ def test_the_record_has_the_time_of_the_light_and_the_time_of_the_wire(tmp_path:
 @pytest.mark.parametrize(("exposure_s", "written"), [(0.015, 0.015), (None, 0.0), (0.2, 0.0)])
 def test_the_exposure_of_the_bench_file_is_in_the_record(tmp_path: Path, exposure_s: float | None, written: float):
     ticks, guard = [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.006), applied(1, 2.0, 5.04)]
-    write_run(tmp_path, ticks, guard, exposure_s=exposure_s)
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, ticks, guard, exposure_s=exposure_s)
     assert record.exposure == written
 
 
 def test_a_command_later_than_the_next_frame_is_entered_at_that_frame(tmp_path: Path):
-    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.06), applied(1, 2.0, 5.065)])
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.06), applied(1, 2.0, 5.065)])
     assert record.command_time_s is not None
     assert record.command_time_s[0] == record.time_s[1]
 
 
 def test_a_command_in_parts_is_entered_where_its_mean_voltage_is_right(tmp_path: Path):
     guard = [applied(0, 2.0, 5.006), applied(1, 14.5, 5.04), applied(1, 17.0, 5.052, whole=False)]
-    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], guard)
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, [tick(0, 5.0), tick(1, 5.033)], guard)
     assert record.command_time_s is not None
     assert record.voltage_V.tolist() == [2.0, 17.0]
     # 12.5 of 15 V at once, the rest 12 ms later; the record's own zero is 2 ms before the first frame
