@@ -18,6 +18,7 @@ from drawn_wire import draw
 from few import few
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from present import present
 
 from bender_emulator.microscope import (
     FAULTS,
@@ -279,8 +280,7 @@ def test_a_lamp_out_or_too_bright_and_a_wire_away_are_what_the_picture_shows(fau
         if fault is not None:
             server.faults.set(fault)
         with Client(server.address) as client:
-            frame = client.frame()
-    assert frame is not None
+            frame = present(client.frame())
     shown = np.percentile(frame, 5) if fault in ("away", None) else frame
     assert low <= np.min(shown) <= np.max(shown) <= high
 
@@ -347,8 +347,7 @@ def test_process_reads_the_board_and_ends_with_its_parent(tmp_path):
             assert process.wait(10.0) == 0
             process.stdout.close()
     assert frame is not None
-    stamp = read_stamp(frame)
-    assert stamp is not None
+    stamp = present(read_stamp(frame))
     assert stamp.tip_nm == 12345
 
 

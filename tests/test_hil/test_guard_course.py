@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from present import present
 from scripted_source import ClockedSource, KeptJournal
 
 from bender_hil.guard.descent import Landing
@@ -138,8 +139,7 @@ def test_an_alarm_that_is_acknowledged_is_not_raised_twice(
     ours.send({"do": "heard"})
     say_end(theirs, *alarmed, code=None)
     assert capsys.readouterr().err == ""
-    message = ours.receive(1.0)
-    assert message is not None
+    message = present(ours.receive(1.0))
     assert message["alarm"] == f"{UNKNOWN} (why)"
     for unheard in (theirs, None):
         say_end(unheard, *alarmed, code=None)
@@ -193,8 +193,7 @@ def test_a_slow_instrument_is_accepted_with_a_remark_or_refused_with_the_reason(
         assert bool(said["ready"]["remarks"]) is slow
         assert journal.one("opened")["turn_s"] == pytest.approx(2 * answer_s, abs=0.02)
         if slow:
-            found = re.search(r"at most (\d+) commands per second", said["ready"]["remarks"][0])
-            assert found is not None
+            found = present(re.search(r"at most (\d+) commands per second", said["ready"]["remarks"][0]))
             assert 5 <= int(found[1]) <= 10
     else:
         assert status is Status.REFUSED

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from present import present
 
 from bender_hil.guard.rules import Situation, judge
 from bender_hil.guard.settings import GuardOrders, GuardSettings
@@ -62,9 +63,7 @@ def test_all_is_well_within_the_bounds_and_as_long_as_nothing_is_known():
      {"measured_V": 1e300}],
 )  # fmt: skip
 def test_a_reading_that_no_instrument_gives_ends_the_run(reading: dict[str, float]):
-    trip = judge(LIMITS, replace(WELL, **reading))
-    assert trip is not None
-    assert trip.code == "reading"
+    assert present(judge(LIMITS, replace(WELL, **reading))).code == "reading"
     assert judge(LIMITS, replace(WELL, measured_A=0.99)) is None
 
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from present import present
 from scripted_source import Clock, ClockedSource, KeptJournal
 
 from bender_hil.guard import output as module
@@ -160,8 +161,7 @@ def test_a_setting_is_compared_with_what_was_told_last(clock: Clock):
     output.command(4.0, 0)
     assert output.patrol(lambda: False) is None
     source.setting_V = 3.9
-    trip = output.patrol(lambda: False)
-    assert trip is not None
+    trip = present(output.patrol(lambda: False))
     assert trip.sentence == "the supply is set to 3.9 V, it was told 4 V"
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from present import present
 
 from bender_cli.main import main
 from bender_hil.bench_file import BenchFile, read_bench
@@ -78,9 +79,7 @@ def applied(sequence: int, voltage_V: float, command_time_s: float, whole: bool 
 
 def _record_of(folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], **facts: Any) -> Record:
     write_run(folder, ticks, guard, **facts)
-    record = to_record(read_run(folder))
-    assert record is not None
-    return record
+    return present(to_record(read_run(folder)))
 
 
 def test_what_was_written_is_read_back_and_what_is_no_number_becomes_null(tmp_path: Path):
@@ -251,8 +250,7 @@ def test_staircase_figures_of_a_line(slope: float, offset: float):
     time_s = np.arange(0.0, voltages.duration_s, 1.0 / 30.0)
     voltage_V = np.array([voltages.at(t) for t in time_s])
     acting_V = np.concatenate([[0.0], voltage_V[:-1]])
-    figures = staircase_figures(Record(time_s, voltage_V, slope * acting_V + offset))
-    assert figures is not None
+    figures = present(staircase_figures(Record(time_s, voltage_V, slope * acting_V + offset)))
     for line in (figures.up, figures.down):
         assert line.sensitivity_um_per_V == pytest.approx(slope)
         assert line.r_squared == pytest.approx(1.0)
@@ -264,8 +262,9 @@ def test_other_runs_have_no_such_figures():
     sine = Record(time_s, 10.0 + np.sin(time_s), np.cos(time_s), setpoint_um=np.sin(time_s))
     assert staircase_figures(sine) is None
     assert step_figures(sine) is None
-    step = step_figures(Record(time_s, 0.0 * time_s, 5.0 * (1 - np.exp(-9.0 * time_s)), setpoint_um=0.0 * time_s + 5.0))
-    assert step is not None
+    step = present(
+        step_figures(Record(time_s, 0.0 * time_s, 5.0 * (1 - np.exp(-9.0 * time_s)), setpoint_um=0.0 * time_s + 5.0))
+    )
     assert step.settling_time_s == pytest.approx(math.log(50.0) / 9.0, abs=1.0 / 30.0)
 
 
@@ -309,9 +308,8 @@ def test_a_run_that_was_killed_is_recovered_from_its_journals(tmp_path: Path):
     write_run(tmp_path, ticks, [applied(k, 0.1 * k, 5.006 + 0.033 * k) for k in range(12)])
     with (tmp_path / "run.jsonl").open("a") as file:
         file.write('{"n": 13, "kind": "ti')
-    expected = to_record(read_run(tmp_path))
+    expected = present(to_record(read_run(tmp_path)))
     results = recover(tmp_path)
-    assert expected is not None
     assert read_record(tmp_path / "record.csv").displacement_um.tolist() == expected.displacement_um.tolist()
     assert "record.csv" in results.written
     assert results.line.startswith("the guard's journal has no end")
@@ -411,12 +409,9 @@ def test_the_gains_of_the_package_can_be_tuned_again(tmp_path: Path):
         assert getattr(again, name) == pytest.approx(getattr(gains, name), rel=1e-3)
 
 
-def test_nothing_is_known_before_the_first_level():
-    assert RecentRange(1.0).since_s(0.0) == math.inf
-
-
 def test_the_level_that_held_at_the_beginning_counts_until_the_next_one_is_as_old_as_the_span():
     recent = RecentRange(1.0)
+    assert recent.since_s(0.0) == math.inf
     recent.add(-math.inf, 0.0)
     recent.add(2.0, 7.0)
     assert recent.range(2.999) == (0.0, 7.0)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emulated_bench import ScriptedLink
+from emulated_bench import ScriptedLink, wait_for
 from hypothesis import given
 from hypothesis import strategies as st
+from present import present
 
 from bender_cli.main import main
 from bender_emulator.sensors.scope import SCOPE_INSTRUMENTS
@@ -196,15 +197,7 @@ def _last(eyes: SensorEyes, seconds: float = 0.5) -> Sight:
     sight, end_s = None, time.perf_counter() + seconds
     while time.perf_counter() < end_s:
         sight = eyes.look(0.05) or sight
-    assert sight is not None
-    return sight
-
-
-def _wait(until: Callable[[], bool], seconds: float = 5.0) -> None:
-    end_s = time.perf_counter() + seconds
-    while not until():
-        assert time.perf_counter() < end_s
-        time.sleep(0.005)
+    return present(sight)
 
 
 def test_displacements_count_from_the_rest_position():
@@ -280,11 +273,11 @@ def test_what_is_no_reading_is_told_and_not_used(found: Any, sentence: str):
     with SensorEyes(sensor, lambda value: value) as eyes:
         eyes.zero(5)
         sensor.read = lambda timeout_s: found  # pyright: ignore[reportAttributeAccessIssue]
-        _wait(lambda: sentence in eyes.trouble())
-        _wait(lambda: eyes.look(0.0) is None)
+        wait_for(lambda: sentence in eyes.trouble())
+        wait_for(lambda: eyes.look(0.0) is None)
         assert eyes.look(0.2) is None
         del sensor.read  # pyright: ignore[reportAttributeAccessIssue]
-        _wait(lambda: eyes.look(0.1) is not None)
+        wait_for(lambda: eyes.look(0.1) is not None)
         assert eyes.trouble() == ""
 
 
@@ -292,7 +285,7 @@ def test_a_sensor_that_stays_away_says_why_it_failed_and_why_it_cannot_be_opened
     sensor = Scripted(_noisy(500), fails_at=15, gone_after=1)
     with SensorEyes(sensor, lambda value: value) as eyes:
         eyes.zero(5)
-        _wait(lambda: eyes.trouble() == "cable; it cannot be opened anew: ValueError: gone")
+        wait_for(lambda: eyes.trouble() == "cable; it cannot be opened anew: ValueError: gone")
 
 
 def test_a_sensor_that_cannot_be_opened_is_named():
@@ -322,9 +315,7 @@ def test_readings_that_nobody_fetched_are_counted():
         eyes.zero(5)
         eyes.look(0.1)
         time.sleep(0.2)
-        sight = eyes.look(0.1)
-        assert sight is not None
-        assert sight.skipped > 3
+        assert present(eyes.look(0.1)).skipped > 3
 
 
 def test_deadlines_that_have_passed_are_skipped():
@@ -404,8 +395,7 @@ def _scope(model: str, *more: tuple[str, str | None]) -> tuple[Oscilloscope, Scr
 def test_a_record_is_triggered_waited_for_and_read(model: str, answer: str, value: float | None, is_lost: bool):
     scope, link = _scope(model, *TRIGGERED[model], (READ[model], answer))
     scope.open()
-    found = scope.read(1.0)
-    assert found is not None
+    found = present(scope.read(1.0))
     assert (found.lost is not None) == is_lost
     assert value is None or found.value == pytest.approx(value)
     link.finish()
@@ -487,9 +477,7 @@ def emulated() -> Iterator[Emulated]:
 
 
 def _read(scope: Oscilloscope) -> Reading:
-    found = scope.read(2.0)
-    assert found is not None
-    return found
+    return present(scope.read(2.0))
 
 
 @pytest.mark.parametrize("model", EMULATED)

@@ -13,6 +13,7 @@ import pytest
 from emulated_bench import ScriptedLink
 from hypothesis import given
 from hypothesis import strategies as st
+from present import present
 
 from bender_emulator.sources import daq_stand_in
 from bender_hil.emulated import EmulatedBench, EmulationSettings
@@ -365,8 +366,7 @@ def test_readings_keep_their_time_when_the_computer_is_late(monkeypatch: pytest.
     errors_s = []
     for number in range(1, 60_001):
         late_s = 0.02 if number % 50 == 0 else 1e-4
-        reading = sensor.read(0.1)
-        assert reading is not None
+        reading = present(sensor.read(0.1))
         errors_s.append(reading.time_s - (driver.now_s - 0.5e-3))
     assert max(map(abs, errors_s[100:])) < 3e-4
 
@@ -383,8 +383,7 @@ def test_readings_that_waited_are_passed_over_and_counted():
             return next(waiting)
 
     driver.in_stream = InStream()
-    reading = sensor.read(0.1)
-    assert reading is not None
+    reading = present(sensor.read(0.1))
     assert reading.passed == 3
     assert driver.taken == 40
 
@@ -473,8 +472,7 @@ def test_a_reading_is_the_mean_of_its_samples_and_lost_where_one_is_beyond_the_r
     sensor = DaqInput(DaqInputSettings("Dev1", samples=2), 100.0)
     sensor.open()
     tasks[0].samples = [1.0, worst_V]
-    reading = sensor.read(0.1)
-    assert reading is not None
+    reading = present(sensor.read(0.1))
     assert reading.value == pytest.approx((1.0 + worst_V) / 2.0)
     assert (reading.lost is not None) == is_lost
     assert reading.passed == 0
@@ -497,11 +495,9 @@ def test_an_output_with_a_read_back_is_armed_driven_and_off(tmp_path: Path):
         sensor.open()
         # the tip creeps, and a busy machine lets it creep for a while between two questions
         places_um = [bench.supply.truth()["tip_um"]]
-        reading = sensor.read(1.0)
+        reading = present(sensor.read(1.0))
         places_um.append(bench.supply.truth()["tip_um"])
-        assert reading is not None
-        calibration = settings.sensor_calibration()
-        assert calibration is not None
+        calibration = present(settings.sensor_calibration())
         assert min(places_um) - 0.5 < calibration.to_um(reading.value) < max(places_um) + 0.5
         sensor.close()
         source.off_blind()

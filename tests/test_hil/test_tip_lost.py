@@ -8,6 +8,7 @@ from drawn_wire import HEIGHT, WIDTH, draw, picture, tracker
 from few import few
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from present import present
 from silent_failures import count_silent_failures, sum_of
 
 from bender_hil.vision import TrackerSettings
@@ -47,8 +48,7 @@ def _reason(levels: np.ndarray) -> str | None:
     ],
 )
 def test_reason_is_given(levels: np.ndarray, expected: str):
-    reason = _reason(levels)
-    assert reason is not None
+    reason = present(_reason(levels))
     assert any(word in reason for word in expected.split("|")), reason
 
 
