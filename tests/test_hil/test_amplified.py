@@ -63,7 +63,7 @@ def test_bounds_and_rest_at_the_input_are_those_of_the_output_without_offset_ove
     assert inner.bounds is not None
     assert (inner.bounds.minimum_V, inner.bounds.maximum_V) == (pytest.approx(low_V), pytest.approx(high_V))
     assert inner.bounds.current_A == 0.01
-    assert inner.bounds.protection_V == pytest.approx((55.0 + abs(amplifier.offset_V)) / 20.0, abs=0.05)
+    assert inner.bounds.protection_V == pytest.approx(2.75)
     assert inner.level_V == pytest.approx(rest_V)
     assert len(remarks) == 2
     inner.readings_V = [None]
