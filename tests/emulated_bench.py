@@ -2,12 +2,15 @@
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bender_emulator.microscope.control import clear_faults
 from bender_emulator.settings import SupplyEmulation
 from bender_emulator.start import EmulatedSupply
+from bender_hil.calibration import Calibration
+from bender_hil.emulated import EmulatedBench
 from bender_hil.guard.settings import GuardOrders, GuardSettings
 from bender_hil.guard.start import GuardProcess
 from bender_hil.supply.capability import MODELS
@@ -17,6 +20,8 @@ from bender_loop.shell.messages import ClosedError
 
 QUICK = GuardSettings(shutdown_limit_s=0.8, discharge_limit_s=1.0, heartbeat_s=1.0, frame_age_s=1.0)
 """Limits that end quickly, and are patient with a busy machine where timing is not what is tested."""
+PATIENT = "[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n"
+"""Of a bench file: patient with a machine that does other things at the same time."""
 
 
 @contextlib.contextmanager
@@ -43,6 +48,28 @@ def orders(resource: str, folder: Path, limits: GuardSettings = QUICK, model: st
     """Orders of a guard on that supply."""
     supply = SupplySettings(resource, model=model, baud=57600, timeout_s=0.15)
     return GuardOrders(supply, str(folder / "guard.jsonl"), limits)
+
+
+def write_as_hardware(folder: Path, bench: EmulatedBench, guard: str = PATIENT) -> Path:
+    """A bench file as for hardware, whose addresses happen to be the emulator's; nothing of the bench is at fault."""
+    bench.supply.power_on()
+    clear_faults(bench.control_port)
+    folder.mkdir(exist_ok=True)
+    Calibration.of_scale(1.5).save(folder / "calibration.toml")
+    path = folder / "bench.toml"
+    path.write_text(
+        f'[supply]\nresource = "{bench.resource}"\n'
+        f'[camera]\nsource = "{bench.stream}"\ncalibration = "calibration.toml"\nzero_frames = 5\n{guard}'
+    )
+    return path
+
+
+def wait_for(is_so: Callable[[], bool], limit_s: float = 10.0) -> None:
+    """Wait until something is so; an AssertionError where it does not become so in time."""
+    end_s = time.perf_counter() + limit_s
+    while not is_so():
+        assert time.perf_counter() < end_s, f"not within {limit_s:g} s"
+        time.sleep(0.005)
 
 
 def wait_until_off(supply: EmulatedSupply, limit_s: float = 5.0) -> float:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from bench_trials.played_rows import PlayedRows, played_rows
+from bench_trials.processes import children_of, is_there, words_of
 from bench_trials.standing_bench import FRAMES_PER_S, StandingBench
 
 from bender_export.build import build_plant_fmu
@@ -294,17 +295,8 @@ class _Sitting:
     def __init__(self, scenario: Scenario, folder: Path, number: int) -> None:
         self._out = folder / "found"
         self._said, self._complained = folder / f"sitting-{number}.out", folder / f"sitting-{number}.err"
-        words = [
-            sys.executable,
-            "-P",
-            "-m",
-            "bender_cli",
-            "investigate",
-            "--bench",
-            "bench.toml",
-            "--gains",
-            "gains.toml",
-        ]
+        words = [sys.executable, "-P", "-m", "bender_cli", "investigate", "--bench", "bench.toml"]
+        words += ["--gains", "gains.toml"]
         words += ["--budget-s", repr(scenario.budget_s), "--pairs", str(scenario.pairs), "--watch", "--out", "found"]
         words += ["--record", GIVEN] if scenario.given is not None else []
         words += ["--resume"] if (self._out / JOURNAL).exists() else []
@@ -359,7 +351,7 @@ class _Sitting:
         if who == "investigation":
             return self.process.pid
         for pid in self.family():
-            if _MODULES[who] in _words(pid):
+            if _MODULES[who] in words_of(pid):
                 return pid
         raise RunError(f"found no process of the {who} below process {self.process.pid}")
 
@@ -367,8 +359,7 @@ class _Sitting:
         """Return the process ids of the investigation and of everybody whom it started."""
         found = [self.process.pid]
         for pid in found:
-            with contextlib.suppress(OSError):
-                found += [int(x) for x in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+            found += children_of(pid)
         return found
 
     def goes_on(self, phase: str, who: str) -> str:
@@ -461,20 +452,7 @@ def _left(family: Sequence[int]) -> list[str]:
     """Return who of a family still is there after ten seconds."""
     end_s = time.perf_counter() + 10.0
     while True:
-        there = [x for x in family if _state(x) not in ("", "Z", "X")]
+        there = [x for x in family if is_there(x)]
         if not there or time.perf_counter() > end_s:
-            return [_words(x).replace(b"\0", b" ").decode(errors="replace")[-60:] for x in there]
+            return [words_of(x).replace(b"\0", b" ").decode(errors="replace")[-60:] for x in there]
         time.sleep(0.05)
-
-
-def _words(pid: int) -> bytes:
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    return b""
-
-
-def _state(pid: int) -> str:
-    """Return the letter of the process in the kernel's table, empty for none."""
-    with contextlib.suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    return ""

@@ -30,6 +30,7 @@ from bench_trials.fault_matrix import (
     judged,
     reached,
 )
+from bench_trials.processes import children_of, is_stopped, is_there, words_of
 from bench_trials.stand_in import MISBEHAVIOUR
 from bench_trials.whole_run import WholeRun, code_of, first_of, hil_words, journal_faults, journal_of
 
@@ -145,7 +146,7 @@ class _Trial:
             # it is full some time after that
             trip = first_of(journal_of(self._folder), "trip")
             fault_s = fault_s if trip is None else trip["t"]
-        status = self._run.end(0.1 if _is_stopped(controller) or self._fault in _NO_END else _PATIENCE_S)
+        status = self._run.end(0.1 if is_stopped(controller) or self._fault in _NO_END else _PATIENCE_S)
         cell = Cell(self._fault, self._state, "", None, "")
         truth = self._supply.truth()
         return judged(cell, self._run, status, self._folder, truth, off_s, fault_s, journal=self._journal_faults)
@@ -175,14 +176,14 @@ class _Trial:
     def _note_family(self) -> None:
         known = {self._run.process.pid, *self._family}
         # the watchman starts a guard of its own
-        self._family |= known.union(*(_children(pid) for pid in known))
+        self._family |= known.union(*(children_of(pid) for pid in known))
 
     def _is_over(self) -> bool:
         """Whether the controller has ended or is stopped, and no guard is at work any more."""
         self._note_family()
         controller = self._run.process
-        is_lost = controller.poll() is not None or _is_stopped(controller.pid)
-        return is_lost and not any(_is_alive(pid) for pid in self._family if _GUARD in _words(pid))
+        is_lost = controller.poll() is not None or is_stopped(controller.pid)
+        return is_lost and not any(_is_guard_at_work(pid) for pid in self._family)
 
     def _journal_faults(self, path: Path) -> list[str]:
         """No entry is missing, and a guard that was not lost has written its last one."""
@@ -252,36 +253,13 @@ def _lose_the_next(controller: int, before: set[int], number: int) -> int:
     raise RunError("no spare guard was started")
 
 
-def _children(pid: int) -> list[int]:
-    with contextlib.suppress(OSError):
-        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    return []
-
-
 def _guards(pid: int) -> list[int]:
     """The guards that a controller has started; the watchman is none."""
-    return [child for child in _children(pid) if _GUARD in _words(child)]
+    return [child for child in children_of(pid) if _GUARD in words_of(child)]
 
 
-def _words(pid: int) -> bytes:
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    return b""
-
-
-def _is_stopped(pid: int) -> bool:
-    return _process_state(pid) in ("T", "t")
-
-
-def _is_alive(pid: int) -> bool:
-    return _process_state(pid) not in ("", "T", "t", "Z", "X")
-
-
-def _process_state(pid: int) -> str:
-    """The letter of the process in the kernel's table, empty for none."""
-    with contextlib.suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    return ""
+def _is_guard_at_work(pid: int) -> bool:
+    return _GUARD in words_of(pid) and is_there(pid) and not is_stopped(pid)
 
 
 def _take_memory(pid: int) -> None:

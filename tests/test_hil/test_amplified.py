@@ -49,25 +49,25 @@ def test_everything_else_is_asked_of_the_source():
 
 
 @pytest.mark.parametrize(
-    ("amplifier", "low_V", "high_V"),
-    [(Amplifier(20.0), -1.0, 2.5), (Amplifier(20.0, "inverting"), -2.5, 1.0)],
-)
-def test_bounds_at_the_input_are_those_of_the_output_over_the_gain(amplifier: Amplifier, low_V: float, high_V: float):
+    ("amplifier", "low_V", "high_V", "rest_V"),
+    [
+        (Amplifier(20.0), -1.0, 2.5, 0.0), (Amplifier(20.0, "inverting"), -2.5, 1.0, 0.0),
+        (Amplifier(20.0, offset_V=0.5), -1.025, 2.475, -0.025),
+    ],
+)  # fmt: skip
+def test_bounds_and_rest_at_the_input_are_those_of_the_output_without_offset_over_the_gain(
+    amplifier: Amplifier, low_V: float, high_V: float, rest_V: float
+):
     inner = _Kept()
     remarks = Amplified(inner, amplifier).arm(Bounds(50.0, 55.0, 0.01, -20.0))
     assert inner.bounds is not None
-    assert (inner.bounds.minimum_V, inner.bounds.maximum_V, inner.bounds.current_A) == (low_V, high_V, 0.01)
+    assert (inner.bounds.minimum_V, inner.bounds.maximum_V) == (pytest.approx(low_V), pytest.approx(high_V))
+    assert inner.bounds.current_A == 0.01
     assert inner.bounds.protection_V == pytest.approx(2.75)
-    assert inner.level_V == 0.0
+    assert inner.level_V == pytest.approx(rest_V)
     assert len(remarks) == 2
     inner.readings_V = [None]
     assert len(Amplified(inner, amplifier).arm(Bounds(50.0, 55.0, 0.01))) == 1
-
-
-def test_an_offset_is_taken_off_at_rest():
-    inner = ClockedSource()
-    Amplified(inner, Amplifier(20.0, offset_V=0.5)).arm(Bounds(50.0, 55.0, 0.01))
-    assert inner.level_V == pytest.approx(-0.025)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from emulated_bench import wait_for
 from few import few
+from present import present
 
 from bender_emulator.microscope import FrameServer, Scene, SceneSettings, read_stamp
 from bender_hil.camera import reader
@@ -31,15 +33,6 @@ def serving(rate: float = 60.0) -> Iterator[FrameServer]:
         Scene(SETTINGS, scene_rng), lambda: (time.perf_counter(), 0.0, 0.0), frames_per_s=rate, exposure_s=0.0, rng=rng
     ) as server:
         yield server
-
-
-def _until(condition, timeout_s: float = 10.0) -> bool:
-    end = time.monotonic() + timeout_s
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 class Scripted:
@@ -104,8 +97,7 @@ def test_frames_are_bit_exact_newer_each_time_and_stamped_after_they_were_taken(
     numbers = [frame.number for frame in frames]
     assert numbers == sorted(set(numbers))
     for frame in frames:
-        stamp = read_stamp(frame.image)
-        assert stamp is not None
+        stamp = present(read_stamp(frame.image))
         assert 0.0 < frame.grabbed_s - 1e-9 * stamp.taken_ns < 5.0
         assert frame.image.shape == (96, 160)
         assert frame.image.dtype == np.uint8
@@ -116,15 +108,13 @@ def test_slow_consumer_gets_the_newest_frame_and_the_count_of_the_others(scripte
     scripted(capture)
     with Camera("tcp://x:1") as camera:
         capture.step()
-        first = camera.newest(5.0)
+        first = present(camera.newest(5.0))
         for _ in range(4):
             capture.step()
-        assert _until(lambda: camera.counts.grabbed == 5)
-        latest = camera.newest(5.0)
+        wait_for(lambda: camera.counts.grabbed == 5)
+        latest = present(camera.newest(5.0))
         assert camera.newest(0.02) is None
         capture.end()
-    assert first is not None
-    assert latest is not None
     assert (first.number, first.skipped, int(first.image[0, 0])) == (1, 0, 1)
     assert (latest.number, latest.skipped, int(latest.image[0, 0])) == (5, 3, 5)
     assert latest.position_ms == 33.3
@@ -136,7 +126,7 @@ def test_repeated_picture_is_no_new_frame(scripted):
         block = threading.Event()
         scripted(Scripted([_picture(1), _picture(1), _picture(1), _picture(2)], block=block))
         with Camera("tcp://x:1", settings=settings) as camera:
-            assert _until(lambda camera=camera: camera.counts.grabbed + camera.counts.repeated == 4)
+            wait_for(lambda camera=camera: camera.counts.grabbed + camera.counts.repeated == 4)
             assert (camera.counts.grabbed, camera.counts.repeated) == (grabbed, repeated)
             block.set()
 
@@ -145,7 +135,7 @@ def test_frozen_camera_is_a_stalled_camera():
     with serving() as server, Camera(server.address) as camera:
         assert camera.newest(5.0) is not None
         server.faults.set("freeze")
-        assert _until(lambda: camera.counts.repeated > 5 and camera.stalled_s() > 0.05)
+        wait_for(lambda: camera.counts.repeated > 5 and camera.stalled_s() > 0.05)
         assert camera.counts.reopened == 0
         server.faults.clear()
         camera.newest(5.0)
@@ -155,15 +145,13 @@ def test_frozen_camera_is_a_stalled_camera():
 @pytest.mark.parametrize("fault", few(["stall", "drop", "garble"], 0))
 def test_camera_comes_back_after(fault: str):
     with serving() as server, Camera(server.address, settings=IMPATIENT) as camera:
-        first = camera.newest(5.0)
+        first = present(camera.newest(5.0))
         server.faults.set(fault)
-        assert _until(lambda: camera.stalled_s() > 0.3)
+        wait_for(lambda: camera.stalled_s() > 0.3)
         while camera.newest(0.01) is not None:
             pass
         server.faults.clear()
-        again = camera.newest(10.0)
-        assert first is not None
-        assert again is not None
+        again = present(camera.newest(10.0))
         assert again.number > first.number
         assert camera.counts.reopened >= 1
 
@@ -175,15 +163,12 @@ def test_stall_is_seen_while_the_reader_is_stuck_and_the_reader_is_replaced(scri
     old, new = Scripted([_picture(1)], block=stuck), Scripted([_picture(2)], block=healthy)
     scripted(old, new)
     with Camera("tcp://x:1", settings=IMPATIENT) as camera:
-        first = camera.newest(5.0)
-        assert _until(lambda: camera.stalled_s() > 0.15)
-        assert first is not None
-        second = camera.newest(5.0)
-        assert second is not None
-        assert int(second.image[0, 0]) == 2
+        assert camera.newest(5.0) is not None
+        wait_for(lambda: camera.stalled_s() > 0.15)
+        assert int(present(camera.newest(5.0)).image[0, 0]) == 2
         assert not old.released
         stuck.set()
-        assert _until(lambda: old.released)
+        wait_for(lambda: old.released)
         healthy.set()
 
 

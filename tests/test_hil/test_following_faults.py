@@ -2,37 +2,29 @@
 
 import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from bench_trials.camera_faults import CAMERA_FAULTS, PATIENT
+from bench_trials.camera_faults import CAMERA_FAULTS
+from emulated_bench import write_as_hardware
 from following_controllers import tuned_on
 from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_export.build import ensure_plant_fmu
-from bender_hil.bench_file import BenchFile, CameraTable
-from bender_hil.calibration.scale import Calibration
-from bender_hil.emulated import EmulatedBench, EmulationSettings
+from bender_hil.bench_file import read_bench
+from bender_hil.emulated import EmulatedBench
 from bender_hil.guard.guard import Status
 from bender_hil.runner.following_program import following
 from bender_hil.runner.program import ClosedLoop
 from bender_hil.runner.run import run
 from bender_hil.runner.tip_camera import Sight
-from bender_hil.supply.select import SupplySettings
 from bender_loop.control.references import Profile
 
 pytest.importorskip("pyvisa_py")
 pytest.importorskip("cv2")
 pytestmark = pytest.mark.slow
-RATE_HZ = 30.0
-
-
-@pytest.fixture(scope="module")
-def bench() -> Iterator[EmulatedBench]:
-    with EmulatedBench(EmulationSettings(), ensure_plant_fmu("bench"), RATE_HZ) as running:
-        yield running
+RATE_HZ, PATIENT = 30.0, "[guard]\nheartbeat_s = 1.0\nframe_age_s = 0.6\n"
 
 
 @pytest.mark.parametrize("tick", [2, 15])
@@ -40,10 +32,7 @@ def bench() -> Iterator[EmulatedBench]:
 def test_every_fault_ends_a_run_that_follows_a_model_with_the_output_off(
     bench: EmulatedBench, tmp_path: Path, fault: str, tick: int
 ):
-    bench.supply.power_on()
-    clear_faults(bench.control_port)
-    Calibration.of_scale(1.5).save(tmp_path / "calibration.toml")
-    camera = CameraTable(source=bench.stream, calibration=str(tmp_path / "calibration.toml"), zero_frames=5)
+    as_hardware = read_bench(write_as_hardware(tmp_path, bench, PATIENT))
     fmu = ensure_plant_fmu("bench")
     tuned = tuned_on(fmu)
     # a set-point that goes on moving, so that a picture that does not is noticed
@@ -57,7 +46,6 @@ def test_every_fault_ends_a_run_that_follows_a_model_with_the_output_off(
         if seen == tick:
             set_fault(bench.control_port, fault)
 
-    as_hardware = BenchFile(source=SupplySettings(bench.resource), camera=camera, guard=PATIENT)
     with following(plain, tuned.model, fmu, RATE_HZ, preview=False) as program:
         ended = run(as_hardware, program, tmp_path / "run", witness=look_on).ended
     clear_faults(bench.control_port)
@@ -73,15 +61,11 @@ def test_a_followed_model_that_takes_its_process_along_ends_the_run_with_the_out
     bench: EmulatedBench, tmp_path: Path, hostile: str
 ):
     """The run goes on to say how it ended: nobody waits for an FMU that computes for ever."""
-    bench.supply.power_on()
-    clear_faults(bench.control_port)
-    Calibration.of_scale(1.5).save(tmp_path / "calibration.toml")
-    camera = CameraTable(source=bench.stream, calibration=str(tmp_path / "calibration.toml"), zero_frames=5)
+    as_hardware = read_bench(write_as_hardware(tmp_path, bench, PATIENT))
     fmu = foreign_fmu(tmp_path / "late.fmu", hostile=hostile, after=1500)
     tuned = tuned_on(fmu, input="drive.u", output="sensor.y")
     steps = Profile(tuple(0.2 * k for k in range(40)), tuple(2.0 + k % 2 for k in range(40)))
     plain = ClosedLoop(steps, tuned.gains, tuned.limits, 225.0, 60.0)
-    as_hardware = BenchFile(source=SupplySettings(bench.resource), camera=camera, guard=PATIENT)
     with following(plain, tuned.model, fmu, RATE_HZ, preview=False) as program:
         begun_s = time.monotonic()
         result = run(as_hardware, program, tmp_path / "run")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from few import few
+from present import present
 
 from bender_emulator.microscope.scene import Scene
 from bender_emulator.microscope.settings import SceneSettings
@@ -170,11 +171,8 @@ def _sight(time_s: float, tip_um: float | None, frozen: int = 0) -> Sight:
 def test_more_than_the_allowed_frozen_frames_end_the_run():
     check = FrozenCheck(2)
     assert check.see(_sight(0.0, 1.0, 2), Decision(0.0, None)) is None
-    trip = check.see(_sight(0.0, 1.0, 3), Decision(0.0, None))
-    assert trip is not None
-    assert trip.code == "frozen"
-    of_sensor = FrozenCheck(2, FROZEN_READING).see(_sight(0.0, 1.0, 3), Decision(0.0, None))
-    assert of_sensor is not None
+    assert present(check.see(_sight(0.0, 1.0, 3), Decision(0.0, None))).code == "frozen"
+    of_sensor = present(FrozenCheck(2, FROZEN_READING).see(_sight(0.0, 1.0, 3), Decision(0.0, None)))
     assert "reading" in of_sensor.sentence
     assert "picture" not in of_sensor.sentence
 
@@ -204,8 +202,7 @@ def test_a_recording_with_noise_of_its_own_is_found_when_the_loop_winds_up(seed:
     level_V, rate = float(rng.uniform(5.0, 20.0)), float(rng.uniform(1.0, 60.0))
     volts = np.minimum(level_V + rate * np.maximum(0.0, np.arange(1800) / 30.0 - 2.0), 50.0)
     tips = 0.4 * level_V + 0.05 * rng.standard_normal(1800)
-    found = _answers(list(tips), list(volts))
-    assert found is not None
+    found = present(_answers(list(tips), list(volts)))
     # 13 V beyond where the tip last moved, and half a second
     assert found / 30.0 <= 2.0 + 14.0 / rate + 0.6
 

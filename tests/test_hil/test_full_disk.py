@@ -14,12 +14,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from emulated_bench import write_as_hardware
 
 from bender_cli.main import main
-from bender_emulator.microscope.control import clear_faults, set_fault
-from bender_export.build import ensure_plant_fmu
-from bender_hil.calibration import Calibration
-from bender_hil.emulated import EmulatedBench, EmulationSettings
+from bender_emulator.microscope.control import set_fault
+from bender_hil.emulated import EmulatedBench
 from bender_hil.log import results
 from bender_hil.log.journal import read_journal
 from bender_hil.runner import run as runner
@@ -33,12 +32,6 @@ pytestmark = pytest.mark.slow
 PHASES = ("armed", "first tick", "running", "off")
 PATIENT = "[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\nshutdown_limit_s = 2.0\n"
 Break = Callable[[Path], object]
-
-
-@pytest.fixture(scope="module")
-def bench() -> Iterator[EmulatedBench]:
-    with EmulatedBench(EmulationSettings(), ensure_plant_fmu("bench"), 30.0) as running:
-        yield running
 
 
 @pytest.fixture
@@ -84,16 +77,7 @@ def _run(
     bench: EmulatedBench, out: Path, monkeypatch: pytest.MonkeyPatch, breaks: Break, phase: str, trip: bool = False
 ) -> int:
     """`bender hil` with the break at that phase; a trip is made by the lamp that goes out."""
-    bench.supply.power_on()
-    clear_faults(bench.control_port)
-    folder = out.parent.parent / "files"
-    folder.mkdir()
-    Calibration.of_scale(1.5).save(folder / "calibration.toml")
-    (folder / "bench.toml").write_text(
-        f'[supply]\nresource = "{bench.resource}"\n'
-        f'[camera]\nsource = "{bench.stream}"\ncalibration = "calibration.toml"\nzero_frames = 5\n{PATIENT}'
-    )
-    seen = 0
+    file, seen = write_as_hardware(out.parent.parent / "files", bench, PATIENT), 0
 
     def now(name: str) -> None:
         if name == phase:
@@ -113,8 +97,7 @@ def _run(
         return plain(*arguments, **{**settings, **hooks})  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(runner, "run", watched)
-    words = ["hil", "--bench", str(folder / "bench.toml"), "--setpoint", "5", "--duration", "1", "--out", str(out)]
-    return main(words)
+    return main(["hil", "--bench", str(file), "--setpoint", "5", "--duration", "1", "--out", str(out)])
 
 
 @pytest.mark.parametrize("trip", [False, True], ids=["planned", "tripped"])

@@ -90,6 +90,18 @@ def test_answers_that_do_not_fit_into_the_settling_time_are_refused(clock: Clock
     assert (status is Status.REFUSED) is is_refused
 
 
+def test_a_turn_is_the_usual_time_of_a_command_and_that_of_a_look(clock: Clock):
+    class Uneven(ClockedSource):
+        def _ask(self, what: str) -> None:
+            clock.sleep(times_s[what].pop(0) if times_s.get(what) else 0.0)
+            super()._ask(what)
+
+    times_s = {"setting?": [0.01, 0.09, 0.015], "volts?": [0.04, 0.03, 0.0425]}
+    journal = KeptJournal()
+    Guard(Uneven(clock), GuardSettings(), ClockedChannel(clock, (0.0, {"do": "stop"})), journal).run()
+    assert journal.one("opened")["turn_s"] == pytest.approx(0.055, abs=1e-3)
+
+
 @pytest.mark.parametrize("answer_s", [0.0, 0.004, 0.02])
 def test_a_supply_that_is_given_no_commands_is_asked_many_times_within_the_settling_time(clock: Clock, answer_s: float):
     source, channel = ClockedSource(clock, answer_s=answer_s), ClockedChannel(clock, (3.0, {"do": "stop"}))

@@ -7,7 +7,7 @@ import pytest
 from scripted_source import Clock, ClockedSource, KeptJournal
 
 from bender_hil.guard import descent
-from bender_hil.guard.descent import Landing, descend, ramp_rate_V_per_s
+from bender_hil.guard.descent import Landing, descend
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.supply import patience
 from bender_hil.supply.failures import LinkLostError, NoReplyError, WrongInstrumentError
@@ -34,14 +34,6 @@ class Told:
 def _descend(source: ClockedSource, from_V: float = 30.0, limits: GuardSettings = LIMITS):
     journal, told = KeptJournal(), Told()
     return descend(source, limits, from_V, journal, told), journal, told
-
-
-@pytest.mark.parametrize(
-    ("rate", "from_V", "expected"), [(100.0, 50.0, 100.0), (1.0, 48.0, 60.0), (1.0, -48.0, 60.0), (60.0, 48.0, 60.0)]
-)
-def test_the_ramp_takes_two_fifths_of_the_limit_at_most(rate: float, from_V: float, expected: float):
-    limits = GuardSettings(shutdown_limit_s=2.0, ramp_V_per_s=rate)
-    assert ramp_rate_V_per_s(limits, from_V) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -151,12 +143,6 @@ def test_the_deadline_is_that_of_every_answer_and_then_that_of_the_discharge(clo
     landing, _, _ = _descend(source, 0.0)
     assert landing.off_s is not None
     assert source.patience.end_s == pytest.approx(landing.off_s + 3.0, abs=1e-3)
-
-
-def test_an_output_that_says_it_is_on_is_not_off(clock: Clock):
-    source = ClockedSource(clock, on=True, refused_offs=10**9)
-    landing, _, _ = _descend(source, 0.0)
-    assert landing == Landing(False, sentence="the supply says that its output is still on")
 
 
 def test_a_question_that_the_deadline_cuts_off_hides_nothing_that_the_supply_has_said(clock: Clock):

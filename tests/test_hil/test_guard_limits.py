@@ -1,14 +1,19 @@
-"""Rules exactly at their bounds, and the limits that hold when a bench file names none."""
+"""Rules exactly at their bounds, the slew, and the limits that hold when a bench file names none."""
 
+import math
 import re
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from present import present
 
 from bender_hil.guard.rules import Situation, judge
 from bender_hil.guard.settings import GuardOrders, GuardSettings
+from bender_hil.guard.slew import SlewLimit
 from bender_hil.supply.select import SupplySettings
 
 # halves and quarters, so that sums are exact
@@ -47,11 +52,48 @@ def test_a_bound_itself_is_allowed(at_bound: dict[str, Any], beyond: dict[str, A
     assert judge(LIMITS, replace(WELL, **beyond)) == (code, sentence)
 
 
-def test_nothing_is_known_at_the_beginning():
-    assert asdict(Situation()) == {
-        "now_s": 0.0, "beat_s": None, "frame_s": None, "lost": 0, "tip_um": None, "lowest_V": 0.0, "highest_V": 0.0,
-        "measured_V": None, "measured_A": None, "high_for_s": 0.0,
-    }  # fmt: skip
+def test_all_is_well_within_the_bounds_and_as_long_as_nothing_is_known():
+    assert judge(LIMITS, WELL) is None
+    assert judge(GuardSettings(), Situation()) is None
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [{"measured_A": -math.inf}, {"measured_A": math.nan}, {"measured_A": -1.1}, {"measured_V": math.nan},
+     {"measured_V": 1e300}],
+)  # fmt: skip
+def test_a_reading_that_no_instrument_gives_ends_the_run(reading: dict[str, float]):
+    assert present(judge(LIMITS, replace(WELL, **reading))).code == "reading"
+    assert judge(LIMITS, replace(WELL, measured_A=0.99)) is None
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 50.0)), min_size=1, max_size=60))
+def test_the_output_changes_no_faster_than_slew_plus_burst(commands: list[tuple[float, float]]):
+    slew, burst = 250.0, 0.05
+    limit = SlewLimit(slew, burst, 0.0)
+    now, level = 0.0, 0.0
+    history = [(0.0, 0.0)]
+    for wait, wanted in commands:
+        now += wait
+        allowed = limit.allowed(level, wanted, now)
+        assert min(level, wanted) - 1e-9 <= allowed <= max(level, wanted) + 1e-9
+        limit.take(allowed - level)
+        level = allowed
+        history.append((now, level))
+    for k, (start, before) in enumerate(history):
+        for end, after in history[k:]:
+            assert abs(after - before) <= slew * (end - start + burst) + 1e-6
+
+
+def test_commands_at_the_slew_pass_whole_though_frames_jitter():
+    limit = SlewLimit(250.0, 0.05, 0.0)
+    level = now = 0.0
+    for dt in (0.033, 0.025, 0.041, 0.033, 0.020, 0.046) * 3:
+        now += dt
+        wanted = level + 0.9 * 250.0 * 0.033
+        assert limit.allowed(level, wanted, now) == pytest.approx(wanted)
+        limit.take(wanted - level)
+        level = wanted
 
 
 def test_the_limits_that_hold_without_a_word():
@@ -84,10 +126,15 @@ def test_no_frame_need_be_lost():
     assert judge(GuardSettings(lost_frames=0), Situation(lost=1)) is not None
 
 
-@pytest.mark.parametrize("travel", [(1.0,), (1.0, 2.0, 3.0), (2.0, 1.0), (1.0, 1.0)])
-def test_travel_is_two_numbers_in_order(travel: tuple[float, ...]):
-    with pytest.raises(ValueError, match="travel_um must be two numbers in order"):
-        GuardSettings(travel_um=travel)  # pyright: ignore[reportArgumentType]
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("travel_um", (1.0,)), ("travel_um", (1.0, 2.0, 3.0)), ("travel_um", (2.0, 1.0)), ("travel_um", (1.0, 1.0)),
+     ("travel_um", (-1e9, 1e9)), ("lost_frames", -1), ("maximum_V", -5.0), ("protection_V", 50.0),
+     ("protection_V", math.inf), ("current_limit_A", math.inf)],
+)  # fmt: skip
+def test_what_is_no_limit_is_refused_by_its_name(name: str, value: Any):
+    with pytest.raises(ValueError, match=name):
+        GuardSettings(**{name: value})
     assert GuardSettings(travel_um=[1.0, 2.0]).travel_um == (1.0, 2.0)  # pyright: ignore[reportArgumentType]
 
 

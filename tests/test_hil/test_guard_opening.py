@@ -2,17 +2,15 @@
 
 import os
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
 from few import few
 
 from bender_emulator.start import EmulatedSupply
-from bender_hil.guard.guard import Guard, Status
+from bender_hil.guard.guard import Status
 from bender_hil.guard.start import GuardProcess
 from bender_loop.errors import RunError
 
@@ -50,23 +48,3 @@ def test_the_same_over_a_serial_line(tmp_path: Path, model: str):
         ended = guard.wait()
         assert (ended.status, ended.code) == (Status.TRIPPED, "supply")
         assert_off(supply)
-
-
-def test_a_turn_is_the_usual_time_of_a_command_and_that_of_a_look(monkeypatch: pytest.MonkeyPatch):
-    now_s = 0.0
-
-    def taking(*lengths_s: float) -> Callable[[], float]:
-        left = iter(lengths_s)
-
-        def ask() -> float:
-            nonlocal now_s
-            now_s += next(left)
-            return 0.0
-
-        return ask
-
-    monkeypatch.setattr(time, "perf_counter", lambda: now_s)
-    begun = object.__new__(Guard)
-    asked = SimpleNamespace(voltage_setting_V=taking(1.0, 9.0, 1.5), measured_V=taking(4.0, 3.0, 4.25))
-    object.__setattr__(begun, "_source", asked)
-    assert begun._turn_s() == 5.5

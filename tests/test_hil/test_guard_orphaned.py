@@ -28,12 +28,6 @@ pytest.importorskip("pyvisa_py")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
 
-@pytest.fixture
-def supply(running: EmulatedSupply) -> EmulatedSupply:
-    running.make_ready()
-    return running
-
-
 LEAVES = "sys.stdin.readline()\nos._exit(9)\n"
 CANNOT_START = (
     "import resource\n"

@@ -139,24 +139,24 @@ def test_whatever_becomes_of_the_controller_the_output_goes_off(
     assert (end["code"], end["confirmed"], end["status"]) == (code, True, 1)
 
 
-def test_a_guard_that_is_killed_is_replaced_by_one_that_makes_safe(supply: EmulatedSupply, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (None, "."),
+        pytest.param("SIGSTOP", "silent", marks=pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")),
+    ],
+)
+def test_a_guard_that_is_killed_or_hangs_is_replaced_by_one_that_makes_safe(
+    supply: EmulatedSupply, tmp_path: Path, number: str | None, words: str
+):
     guard = GuardProcess(orders(supply.resource, tmp_path))
     drive(guard, 12)
     assert supply.truth()["is_on"]
-    guard.process.kill()
-    with pytest.raises(ClosedError):
-        _keep_asking(guard)
-    ended = guard.wait()
-    assert (ended.status, ended.code, ended.alarm) == (Status.TRIPPED, "guard_gone", "")
-    assert_off(supply)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="SIGSTOP")
-def test_a_guard_that_hangs_is_replaced_too(supply: EmulatedSupply, tmp_path: Path):
-    guard = GuardProcess(orders(supply.resource, tmp_path))
-    drive(guard, 12)
-    guard.process.send_signal(signal.SIGSTOP)
-    with pytest.raises(ClosedError, match="silent"):
+    if number is None:
+        guard.process.kill()
+    else:
+        guard.process.send_signal(getattr(signal, number))
+    with pytest.raises(ClosedError, match=words):
         _keep_asking(guard)
     ended = guard.wait()
     assert (ended.status, ended.code, ended.alarm) == (Status.TRIPPED, "guard_gone", "")

@@ -289,12 +289,6 @@ def test_a_guard_lost_before_it_has_opened_anything_has_switched_nothing(
 # with a real guard and a real supply
 
 
-@pytest.fixture
-def supply(running: EmulatedSupply) -> EmulatedSupply:
-    running.make_ready()
-    return running
-
-
 def test_the_supply_is_ready_when_nobody_who_was_dropped_comes_again(supply: EmulatedSupply):
     def come_twice() -> None:
         for stay_s in (10.0, 0.2):

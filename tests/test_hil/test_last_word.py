@@ -51,13 +51,11 @@ def _alarm_is_last(capfd: pytest.CaptureFixture[str]) -> bool:
     return UNKNOWN in err.splitlines()[-1]
 
 
-def test_an_alarm_is_the_last_word(hil: Run, capfd: pytest.CaptureFixture[str]):
-    assert hil(STUCK) == 3
-    assert _alarm_is_last(capfd)
-
-
-def test_what_could_not_be_written_does_not_take_the_alarm_back(hil: Run, capfd: pytest.CaptureFixture[str]):
-    assert hil(STUCK, unwritten=("record.csv: is a directory",)) == 3
+@pytest.mark.parametrize("unwritten", [(), ("record.csv: is a directory",)])
+def test_an_alarm_is_the_last_word_whatever_could_not_be_written(
+    hil: Run, capfd: pytest.CaptureFixture[str], unwritten: tuple[str, ...]
+):
+    assert hil(STUCK, unwritten=unwritten) == 3
     assert _alarm_is_last(capfd)
 
 

@@ -16,6 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
+from present import present
 
 from bender_hil.live import stop_button
 from bender_hil.log.read_run import read_run
@@ -136,8 +137,7 @@ def test_stop_by_the_space_bar_while_the_pages_server_hangs(tmp_path):
     assert run.returncode == 1
     assert "STOP was pressed" in rest
     log = read_run(tmp_path / "run")
-    end = log.guard_entry("end")
-    assert end is not None
+    end = present(log.guard_entry("end"))
     assert end["confirmed"] is True
     assert end["code"] == "stop"
 

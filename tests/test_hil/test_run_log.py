@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from present import present
 
 from bender_cli.main import main
 from bender_hil.bench_file import BenchFile, read_bench
@@ -76,6 +77,11 @@ def applied(sequence: int, voltage_V: float, command_time_s: float, whole: bool 
     }  # fmt: skip
 
 
+def _record_of(folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], **facts: Any) -> Record:
+    write_run(folder, ticks, guard, **facts)
+    return present(to_record(read_run(folder)))
+
+
 def test_what_was_written_is_read_back_and_what_is_no_number_becomes_null(tmp_path: Path):
     journal = Journal(tmp_path / "a.jsonl")
     journal.write("tick", value=0.1 + 0.2, nothing=math.nan, parts=[1.0, math.inf], table={"x": -math.inf})
@@ -132,9 +138,7 @@ def test_the_record_has_the_time_of_the_light_and_the_time_of_the_wire(tmp_path:
         applied(1, 2.5, 5.04),
         applied(2, 9.0, 5.12),
     ]
-    write_run(tmp_path, ticks, guard)
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, ticks, guard)
     # the tick that the guard never took is no row; a command after the next frame is entered at that frame or last
     assert record.time_s == pytest.approx([0.0, 0.033, 0.067])
     assert record.voltage_V.tolist() == [1.5, 2.5, 9.0]
@@ -148,25 +152,19 @@ def test_the_record_has_the_time_of_the_light_and_the_time_of_the_wire(tmp_path:
 @pytest.mark.parametrize(("exposure_s", "written"), [(0.015, 0.015), (None, 0.0), (0.2, 0.0)])
 def test_the_exposure_of_the_bench_file_is_in_the_record(tmp_path: Path, exposure_s: float | None, written: float):
     ticks, guard = [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.006), applied(1, 2.0, 5.04)]
-    write_run(tmp_path, ticks, guard, exposure_s=exposure_s)
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, ticks, guard, exposure_s=exposure_s)
     assert record.exposure == written
 
 
 def test_a_command_later_than_the_next_frame_is_entered_at_that_frame(tmp_path: Path):
-    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.06), applied(1, 2.0, 5.065)])
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.06), applied(1, 2.0, 5.065)])
     assert record.command_time_s is not None
     assert record.command_time_s[0] == record.time_s[1]
 
 
 def test_a_command_in_parts_is_entered_where_its_mean_voltage_is_right(tmp_path: Path):
     guard = [applied(0, 2.0, 5.006), applied(1, 14.5, 5.04), applied(1, 17.0, 5.052, whole=False)]
-    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], guard)
-    record = to_record(read_run(tmp_path))
-    assert record is not None
+    record = _record_of(tmp_path, [tick(0, 5.0), tick(1, 5.033)], guard)
     assert record.command_time_s is not None
     assert record.voltage_V.tolist() == [2.0, 17.0]
     # 12.5 of 15 V at once, the rest 12 ms later; the record's own zero is 2 ms before the first frame
@@ -252,8 +250,7 @@ def test_staircase_figures_of_a_line(slope: float, offset: float):
     time_s = np.arange(0.0, voltages.duration_s, 1.0 / 30.0)
     voltage_V = np.array([voltages.at(t) for t in time_s])
     acting_V = np.concatenate([[0.0], voltage_V[:-1]])
-    figures = staircase_figures(Record(time_s, voltage_V, slope * acting_V + offset))
-    assert figures is not None
+    figures = present(staircase_figures(Record(time_s, voltage_V, slope * acting_V + offset)))
     for line in (figures.up, figures.down):
         assert line.sensitivity_um_per_V == pytest.approx(slope)
         assert line.r_squared == pytest.approx(1.0)
@@ -265,8 +262,9 @@ def test_other_runs_have_no_such_figures():
     sine = Record(time_s, 10.0 + np.sin(time_s), np.cos(time_s), setpoint_um=np.sin(time_s))
     assert staircase_figures(sine) is None
     assert step_figures(sine) is None
-    step = step_figures(Record(time_s, 0.0 * time_s, 5.0 * (1 - np.exp(-9.0 * time_s)), setpoint_um=0.0 * time_s + 5.0))
-    assert step is not None
+    step = present(
+        step_figures(Record(time_s, 0.0 * time_s, 5.0 * (1 - np.exp(-9.0 * time_s)), setpoint_um=0.0 * time_s + 5.0))
+    )
     assert step.settling_time_s == pytest.approx(math.log(50.0) / 9.0, abs=1.0 / 30.0)
 
 
@@ -310,9 +308,8 @@ def test_a_run_that_was_killed_is_recovered_from_its_journals(tmp_path: Path):
     write_run(tmp_path, ticks, [applied(k, 0.1 * k, 5.006 + 0.033 * k) for k in range(12)])
     with (tmp_path / "run.jsonl").open("a") as file:
         file.write('{"n": 13, "kind": "ti')
-    expected = to_record(read_run(tmp_path))
+    expected = present(to_record(read_run(tmp_path)))
     results = recover(tmp_path)
-    assert expected is not None
     assert read_record(tmp_path / "record.csv").displacement_um.tolist() == expected.displacement_um.tolist()
     assert "record.csv" in results.written
     assert results.line.startswith("the guard's journal has no end")
@@ -412,12 +409,9 @@ def test_the_gains_of_the_package_can_be_tuned_again(tmp_path: Path):
         assert getattr(again, name) == pytest.approx(getattr(gains, name), rel=1e-3)
 
 
-def test_nothing_is_known_before_the_first_level():
-    assert RecentRange(1.0).since_s(0.0) == math.inf
-
-
 def test_the_level_that_held_at_the_beginning_counts_until_the_next_one_is_as_old_as_the_span():
     recent = RecentRange(1.0)
+    assert recent.since_s(0.0) == math.inf
     recent.add(-math.inf, 0.0)
     recent.add(2.0, 7.0)
     assert recent.range(2.999) == (0.0, 7.0)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from emulated_bench import ScriptedLink
+from emulated_bench import ScriptedLink, wait_for
 from hypothesis import given
 from hypothesis import strategies as st
+from present import present
 
 from bender_cli.main import main
 from bender_emulator.sensors.scope import SCOPE_INSTRUMENTS
@@ -79,14 +80,22 @@ def test_a_multimeter_that_is_another_or_does_not_obey_is_refused(place: int, an
         meter.open()
 
 
-def test_an_aperture_longer_than_the_time_between_readings_is_refused():
-    with pytest.raises(ValueError, match="rate_Hz"):
-        SensorTable("multimeter", MultimeterSettings("ASRL1::INSTR", aperture_s=0.05), rate_Hz=30.0)
-
-
-def test_a_pattern_without_a_group_is_refused():
-    with pytest.raises(ValueError, match="group"):
-        TextLineSettings("ASRL1::INSTR", pattern=r"\d+")
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: SensorTable("multimeter", MultimeterSettings("ASRL1::INSTR", aperture_s=0.05), rate_Hz=30.0),
+            "rate_Hz",
+        ),
+        (lambda: OscilloscopeSettings("ASRL1::INSTR", aperture_s=0.05).make(30.0), "rate_Hz"),
+        (lambda: TextLineSettings("ASRL1::INSTR", pattern=r"\d+"), "group"),
+    ],
+)
+def test_a_record_longer_than_the_time_between_readings_and_a_pattern_without_a_group_are_refused(
+    make: Callable[[], object], words: str
+):
+    with pytest.raises(ValueError, match=words):
+        make()
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("um", 1.0), ("nm", 1e-3), ("mm", 1e3), ("m", 1e6)])
@@ -188,15 +197,7 @@ def _last(eyes: SensorEyes, seconds: float = 0.5) -> Sight:
     sight, end_s = None, time.perf_counter() + seconds
     while time.perf_counter() < end_s:
         sight = eyes.look(0.05) or sight
-    assert sight is not None
-    return sight
-
-
-def _wait(until: Callable[[], bool], seconds: float = 5.0) -> None:
-    end_s = time.perf_counter() + seconds
-    while not until():
-        assert time.perf_counter() < end_s
-        time.sleep(0.005)
+    return present(sight)
 
 
 def test_displacements_count_from_the_rest_position():
@@ -272,11 +273,11 @@ def test_what_is_no_reading_is_told_and_not_used(found: Any, sentence: str):
     with SensorEyes(sensor, lambda value: value) as eyes:
         eyes.zero(5)
         sensor.read = lambda timeout_s: found  # pyright: ignore[reportAttributeAccessIssue]
-        _wait(lambda: sentence in eyes.trouble())
-        _wait(lambda: eyes.look(0.0) is None)
+        wait_for(lambda: sentence in eyes.trouble())
+        wait_for(lambda: eyes.look(0.0) is None)
         assert eyes.look(0.2) is None
         del sensor.read  # pyright: ignore[reportAttributeAccessIssue]
-        _wait(lambda: eyes.look(0.1) is not None)
+        wait_for(lambda: eyes.look(0.1) is not None)
         assert eyes.trouble() == ""
 
 
@@ -284,7 +285,7 @@ def test_a_sensor_that_stays_away_says_why_it_failed_and_why_it_cannot_be_opened
     sensor = Scripted(_noisy(500), fails_at=15, gone_after=1)
     with SensorEyes(sensor, lambda value: value) as eyes:
         eyes.zero(5)
-        _wait(lambda: eyes.trouble() == "cable; it cannot be opened anew: ValueError: gone")
+        wait_for(lambda: eyes.trouble() == "cable; it cannot be opened anew: ValueError: gone")
 
 
 def test_a_sensor_that_cannot_be_opened_is_named():
@@ -314,9 +315,7 @@ def test_readings_that_nobody_fetched_are_counted():
         eyes.zero(5)
         eyes.look(0.1)
         time.sleep(0.2)
-        sight = eyes.look(0.1)
-        assert sight is not None
-        assert sight.skipped > 3
+        assert present(eyes.look(0.1)).skipped > 3
 
 
 def test_deadlines_that_have_passed_are_skipped():
@@ -330,27 +329,19 @@ def test_deadlines_that_have_passed_are_skipped():
     assert not Pace(0.5).wait(0.0) or not pace.wait(0.0)
 
 
-@pytest.mark.parametrize(("scatter_um", "ends"), [(0.02, False), (3.0, True)])
-def test_readings_that_scatter_at_a_still_command_end_the_run(scatter_um: float, ends: bool):
+@pytest.mark.parametrize(
+    ("scatter_um", "to_and_fro_V", "ends"),
+    [(0.02, 0.0, False), (3.0, 0.0, True), (3.0, 0.5, True), (3.0, -0.5, True), (3.0, 0.51, False), (3.0, -0.6, False)],
+)
+def test_readings_that_scatter_while_the_command_stays_within_half_a_volt_end_the_run(
+    scatter_um: float, to_and_fro_V: float, ends: bool
+):
     check = NoiseCheck(55.0, lambda: 0.02)
     rng = np.random.default_rng(3)
     trips = []
     for tick in range(100):
         tip_um = 20.0 + scatter_um * float(rng.standard_normal())
         sight = Sight(tick, 0.033 * tick, 0, tip_um, 1.0, None, None)
-        trips.append(check.see(sight, Decision(30.0, None)))
-    assert any(trips) == ends
-
-
-@pytest.mark.parametrize(
-    ("to_and_fro_V", "ends"), [(0.0, True), (0.5, True), (-0.5, True), (0.51, False), (-0.6, False)]
-)
-def test_a_command_stands_still_as_long_as_it_stays_within_half_a_volt(to_and_fro_V: float, ends: bool):
-    check = NoiseCheck(55.0, lambda: 0.02)
-    rng = np.random.default_rng(3)
-    trips = []
-    for tick in range(100):
-        sight = Sight(tick, 0.033 * tick, 0, 20.0 + 3.0 * float(rng.standard_normal()), 1.0, None, None)
         trips.append(check.see(sight, Decision(30.0 + to_and_fro_V * (tick // 10 % 2), None)))
     assert any(trips) == ends
 
@@ -404,8 +395,7 @@ def _scope(model: str, *more: tuple[str, str | None]) -> tuple[Oscilloscope, Scr
 def test_a_record_is_triggered_waited_for_and_read(model: str, answer: str, value: float | None, is_lost: bool):
     scope, link = _scope(model, *TRIGGERED[model], (READ[model], answer))
     scope.open()
-    found = scope.read(1.0)
-    assert found is not None
+    found = present(scope.read(1.0))
     assert (found.lost is not None) == is_lost
     assert value is None or found.value == pytest.approx(value)
     link.finish()
@@ -456,11 +446,6 @@ def test_what_it_cannot_do_is_said(wrong: dict[str, object], words: str):
         OscilloscopeSettings("ASRL1::INSTR", **wrong)  # pyright: ignore[reportArgumentType]
 
 
-def test_a_record_longer_than_the_time_between_two_is_refused():
-    with pytest.raises(ValueError, match="rate_Hz"):
-        OscilloscopeSettings("ASRL1::INSTR", aperture_s=0.05).make(30.0)
-
-
 Emulated = Callable[..., tuple[Oscilloscope, Transducer, float]]
 
 
@@ -492,9 +477,7 @@ def emulated() -> Iterator[Emulated]:
 
 
 def _read(scope: Oscilloscope) -> Reading:
-    found = scope.read(2.0)
-    assert found is not None
-    return found
+    return present(scope.read(2.0))
 
 
 @pytest.mark.parametrize("model", EMULATED)
@@ -530,10 +513,6 @@ def test_a_trigger_that_is_not_taken_is_no_answer_for_ever(emulated: Emulated, m
 @pytest.mark.slow
 @pytest.mark.parametrize("model", EMULATED)
 def test_a_loop_over_it_reaches_its_set_point(model: str, tmp_path, monkeypatch: pytest.MonkeyPatch):
-    import json
-
-    from bender_cli.main import main
-
     monkeypatch.chdir(tmp_path)
     text = f'[emulator]\nsensor = "{model}"\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 0.8\n'
     (tmp_path / "bench.toml").write_text(text)

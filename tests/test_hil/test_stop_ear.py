@@ -23,32 +23,10 @@ from bender_loop.shell.messages import Listener, call
 TOKEN = "0123456789abcdef0123456789abcdef"
 
 
-def _pressed(ear: StopEar, token: str) -> tuple[bool, bool]:
-    """Whether the ear heard it, and whether who said it was answered."""
-    answered: list[bool] = []
-    press = threading.Thread(target=lambda: answered.append(say_stop(ear.port, token, 2.0)))
-    press.start()
-    end_s = time.perf_counter() + 0.3
-    heard = False
-    while not heard and time.perf_counter() < end_s:
-        heard = ear.heard()
-    if not heard:
-        ear.close()
-    press.join()
-    return heard, answered[0]
-
-
 def test_a_token_is_as_long_as_a_secret_has_to_be():
     StopEar(TOKEN[:16]).close()
     with pytest.raises(ValueError, match="at least 16 signs, found 15"):
         StopEar(TOKEN[:15])
-
-
-def test_the_token_is_heard_and_answered():
-    with StopEar(TOKEN) as ear:
-        assert not ear.heard()
-        assert _pressed(ear, TOKEN) == (True, True)
-        assert not ear.heard()
 
 
 @pytest.mark.parametrize("wrong", ["", TOKEN[:-1], TOKEN + "0", TOKEN.upper(), "é" * 16])
@@ -74,11 +52,7 @@ def test_a_flood_costs_little_and_does_not_hide_the_token():
             looks += 1
             assert looks < 20
         assert mouth.recv(10) == HEARD
-
-
-def test_a_short_token_is_no_secret():
-    with pytest.raises(ValueError, match="at least 16 signs, found 5"):
-        StopEar("12345")
+        assert not ear.heard()
 
 
 def test_nobody_at_the_port_is_no_answer():

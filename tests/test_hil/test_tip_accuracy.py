@@ -24,6 +24,7 @@ def test_error_is_a_few_hundredths_of_a_pixel(blur_px: float):
         tip = tracker().locate(picture(draw(x, y, angle, blur_px=blur_px), rng))
         assert tip.lost is None
         assert tip.confidence > 0.8
+        assert math.isnan(tip.displacement_um), "there is no rest position yet"
         errors.append((tip.across_px - y, tip.along_px - x))
     across, along = np.sqrt(np.mean(np.square(errors), axis=0))
     assert across < 0.05
@@ -111,9 +112,3 @@ def test_extreme_point_sits_on_the_corner_and_is_believed():
     assert tip.confidence == 1.0
     assert (tip.along_px, tip.across_px) == (round(tip.along_px), round(tip.across_px))
     assert abs(tip.across_px - 120.0) < 7.0
-
-
-def test_displacement_is_unknown_until_zeroed():
-    tip = tracker().locate(picture(draw(200.0, 120.0, 0.0), np.random.default_rng(6)))
-    assert tip.lost is None
-    assert math.isnan(tip.displacement_um)
