@@ -45,12 +45,6 @@ def test_built_fmus_are_without_findings(tmp_path: Path, capsys: pytest.CaptureF
         assert capsys.readouterr().out.splitlines()[-1] == f"{line}: no findings"
 
 
-def test_an_unknown_model_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["fmu", "build", "--model", "no_such", "--out", str(tmp_path / "new")]) == 2
-    assert "no_such" in capsys.readouterr().err
-    assert not (tmp_path / "new").exists()
-
-
 @pytest.mark.parametrize(
     ("name", "content"), [("missing.fmu", None), ("text.fmu", b"no zip"), ("folder.fmu", "folder")]
 )

@@ -135,24 +135,13 @@ def test_help_imports_nothing_heavy(words: list[str]):
     assert done.stderr.strip() == "[]"
 
 
-def test_reader_that_goes_away_is_met_with_silence(tmp_path: Path):
+def test_reader_that_goes_away_is_met_with_silence():
     script = (
         "import os, sys; from bender_cli import main as cli; read, write = os.pipe(); os.close(read);"
-        "os.dup2(write, 1); sys.argv = ['bender', 'fmu', 'check', sys.argv[1]]; cli.entry()"
+        "os.dup2(write, 1); sys.argv = ['bender', 'effects']; cli.entry()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script, str(_broken_fmu(tmp_path))], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (141, "")
-
-
-def _broken_fmu(directory: Path) -> Path:
-    import zipfile
-
-    path = directory / "broken.fmu"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", "<fmiModelDescription fmiVersion='2.0'/>")
-    return path
 
 
 def _bender(*words: str, folder: Path, **settings: Any) -> "subprocess.CompletedProcess[str]":
@@ -244,15 +233,6 @@ def test_json_is_one_document_with_the_keys_of_the_file(
     assert told["command"] == f"bender compare {RECORD} --model beam --json"
     assert told["inputs"] == {str(RECORD): hashlib.sha256(RECORD.read_bytes()).hexdigest()}
     assert time.time() - time.mktime(time.strptime(told["date"][:19], "%Y-%m-%dT%H:%M:%S")) < 2 * 86400
-
-
-def test_json_of_a_command_without_a_document_of_its_own_has_its_lines(capsys: pytest.CaptureFixture[str]):
-    assert main(["effects", "creep", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["id"] == "creep"
-    assert main(["fmu", "build", "--out", "never", "--platforms", "all", "--json"]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert len(err.splitlines()) == 1
 
 
 def test_bad_input_that_shows_late_is_one_line_under_json(

@@ -28,7 +28,7 @@ from bender_fleet.work.diagnose import rows
 from bender_fleet.work.job import Job, run_job
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
-from bender_proving.fleet import BAD_BATCH, BAD_EFFECT, FleetSettings, draw_unit, write_fleet
+from bender_proving.fleet import BAD_BATCH, BAD_EFFECT, BREAKS, FleetSettings, draw_unit, write_fleet
 
 pytest.importorskip("distributed")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -139,9 +139,6 @@ def test_the_example_is_the_same_for_a_seed_and_hides_what_it_says(tmp_path: Pat
 
 @pytest.mark.slow
 def test_the_bad_batch_has_its_effect_and_broken_files_cannot_be_read(tmp_path: Path) -> None:
-    from bender_loop.errors import InputError
-    from bender_proving.fleet import BREAKS
-
     drawn = [draw_unit(FleetSettings(40, seconds=20.0), k) for k in range(16)]
     bad = [u for u in drawn if u.batch == BAD_BATCH]
     assert bad
@@ -305,9 +302,6 @@ def test_a_fault_in_one_unit_is_a_row(tmp_path: Path) -> None:
     assert "ValueError" in part.reason
 
 
-pytest.importorskip("pyarrow")
-
-
 def _manifest(folder: Path, text: str) -> str:
     path = folder / "manifest.csv"
     path.write_text(text, encoding="utf-8")
@@ -331,7 +325,6 @@ def test_records_of_a_unit_come_together_and_keep_their_columns(tmp_path: Path) 
 
 def test_a_parquet_manifest_says_the_same_as_a_csv_one(tmp_path: Path) -> None:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     pq.write_table(pa.table({"unit": ["u1"], "record": ["a.csv"], "date": ["2026-03-02"]}), tmp_path / "m.parquet")
     text = "unit,record,date\nu1,a.csv,2026-03-02\n"

@@ -35,23 +35,20 @@ def test_bad_words_end_in_one_line_and_write_nothing(tmp_path, capsys, words, sa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_sensor_without_a_length_is_refused_before_anything_is_written(tmp_path, capsys):
-    sensor = '[sensor]\nkind = "text"\nresource = "TCPIP::127.0.0.1::10::SOCKET"\nunit = "furlong"\n'
-    supply = '[supply]\nresource = "TCPIP::127.0.0.1::9::SOCKET"\nmodel = "9115"\n'
-    (tmp_path / "bench.toml").write_text(supply + sensor)
-    words = ["--bench", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "out")]
-    assert main(["investigate", *words]) == 2
-    assert "the sensor gives furlong, which is no length" in capsys.readouterr().err
-    assert [x.name for x in tmp_path.iterdir()] == ["bench.toml"]
-
-
-def test_an_address_that_is_none_leaves_nothing(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("supply", "sensor", "unit", "said"),
+    [
+        ("TCPIP::127.0.0.1::9::SOCKET", "TCPIP::127.0.0.1::10::SOCKET", "furlong", "gives furlong, which is no length"),
+        ("xxxx", "yyyy", "um", "is not a VISA address"),
+    ],
+)
+def test_a_bench_that_cannot_be_is_refused_before_anything_is_written(tmp_path, capsys, supply, sensor, unit, said):
     pytest.importorskip("pyvisa_py")
-    sensor = '[sensor]\nkind = "text"\nresource = "yyyy"\nunit = "um"\n'
-    supply = '[supply]\nresource = "xxxx"\nmodel = "9115"\n'
-    (tmp_path / "bench.toml").write_text(supply + sensor)
+    bench = f'[supply]\nresource = "{supply}"\nmodel = "9115"\n'
+    bench += f'[sensor]\nkind = "text"\nresource = "{sensor}"\nunit = "{unit}"\n'
+    (tmp_path / "bench.toml").write_text(bench)
     assert main(["investigate", "--bench", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "out")]) == 2
-    assert "is not a VISA address" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
     assert [x.name for x in tmp_path.iterdir()] == ["bench.toml"]
 
 

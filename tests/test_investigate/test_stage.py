@@ -150,13 +150,6 @@ def test_a_mishap_of_the_machine_is_no_reason_to_stop_for_good(tmp_path, trip):
     assert bench.levels
 
 
-def test_an_interrupt_is_written_down(tmp_path):
-    one = stage(tmp_path, Bench(dies_after=100, interrupted=True))
-    with pytest.raises(KeyboardInterrupt):
-        one.play("rest", RAMP, "to see")
-    assert one.journal.decisions[-1]["kind"] == "interrupted"
-
-
 def test_an_alarm_is_written_down_and_the_rest_is_played_when_somebody_says_so(tmp_path):
     first = stage(tmp_path, Bench(dies_after=100, alarm="OUTPUT STATE UNKNOWN"))
     with pytest.raises(OutputUnknownError):

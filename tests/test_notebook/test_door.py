@@ -40,6 +40,14 @@ def axes():
     return Figure().subplots()
 
 
+def assert_it_draws_and_tells_itself(result):
+    drawn = axes()
+    assert result.plot(drawn) is drawn
+    assert len(result.to_frame())
+    assert "\n" not in repr(result)
+    assert "<table>" in result._repr_html_()
+
+
 def columns(record: Record) -> dict[str, np.ndarray]:
     return {"time_s": record.time_s, "voltage_V": record.voltage_V, "displacement_um": record.displacement_um}
 
@@ -302,11 +310,7 @@ def test_a_model_and_its_fmu(tmp_path: Path):
     assert {x.name for x in tmp_path.iterdir()} == {"model.toml", "PiezoBender.fmu", "PidController.fmu"}
     assert built.to_dict()["parameters"] == model.model.values()
     for x in (model, built):
-        drawn = axes()
-        assert x.plot(drawn) is drawn
-        assert "\n" not in repr(x)
-        assert "<table>" in x._repr_html_()
-        assert len(x.to_frame())
+        assert_it_draws_and_tells_itself(x)
 
 
 def test_a_comparison_is_that_of_the_command(lagging: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -319,11 +323,8 @@ def test_a_comparison_is_that_of_the_command(lagging: Record, tmp_path: Path, mo
     assert found.to_dict() == told
     found.save("door")
     assert Path("door/overlay.png").read_bytes() == Path("command/overlay.png").read_bytes()
-    drawn = axes()
-    assert found.plot(drawn) is drawn
     assert len(found.to_frame()) == len(lagging)
-    assert "\n" not in repr(found)
-    assert "<table>" in found._repr_html_()
+    assert_it_draws_and_tells_itself(found)
 
 
 def test_effects_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -332,12 +333,10 @@ def test_effects_are_those_of_the_command(tmp_path: Path, capsys: pytest.Capture
     everything = pb.effects()
     assert json.loads(json.dumps(list(everything.to_dict().values()))) == told
     assert everything["creep"].only.id == "creep"
-    drawn = axes()
-    assert everything.plot(drawn) is drawn
+    assert_it_draws_and_tells_itself(everything)
     everything.save(tmp_path)
     assert [x.name for x in tmp_path.iterdir()] == ["effects.json"]
     assert set(everything.to_frame()["effect"]) == {x["id"] for x in told}
-    assert "<table>" in everything._repr_html_()
 
 
 @pytest.mark.slow
@@ -356,10 +355,7 @@ def test_a_tuning_is_that_of_the_command(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(pb.InputError, match="python-control is not installed"):
         found.to_control()
-    drawn = axes()
-    assert found.plot(drawn) is drawn
-    assert len(found.to_frame())
-    assert "\n" not in repr(found)
+    assert_it_draws_and_tells_itself(found)
 
 
 @pytest.mark.slow
@@ -372,11 +368,8 @@ def test_an_identification_saves_draws_and_tells_itself(tmp_path: Path):
     saved = {x.name for x in found.save(tmp_path).iterdir()}
     assert saved == {"learned.toml", "learned-report.html", "learned-loops.png", "learned-figures.json"}
     assert pb.load_model(tmp_path / "learned.toml").model == found.plant.model
-    drawn = axes()
-    assert found.plot(drawn) is drawn
-    assert len(found.to_frame())
+    assert_it_draws_and_tells_itself(found)
     assert "held_out_by" in found.to_dict()
-    assert "\n" not in repr(found)
 
 
 def test_a_run_with_late_ticks_is_not_as_planned(lagging: Record, tmp_path: Path):
@@ -410,9 +403,7 @@ def test_a_run_on_the_emulated_bench_is_kept_and_drawn(tmp_path: Path):
     assert (found.save(tmp_path / "copy") / "record.csv").is_file()
     with pytest.raises(pb.InputError, match="holds something already"):
         found.save(tmp_path / "copy")
-    drawn = axes()
-    assert found.plot(drawn) is drawn
-    assert "\n" not in repr(found)
+    assert_it_draws_and_tells_itself(found)
     assert steps
 
 

@@ -109,7 +109,6 @@ def test_the_same_seed_gives_the_same_gains(tuned: Path, paper_fmu: Path, tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_a_model_is_followed_or_said_not_to_help(paper_fmu: Path, tmp_path: Path) -> None:
     done = tune(*small(paper_fmu), "--follow-model", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -237,20 +236,29 @@ def wait_for_tuning(process: subprocess.Popen[str]) -> None:
         assert line.startswith("learning the plant"), line
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: Path, tmp_path: Path) -> None:
-    words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
-    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+def start_of_a_long_tuning(fmu: Path, folder: Path) -> subprocess.Popen[str]:
+    words = [*command(), "--fmu", str(fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
+    return subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def said_when_interrupted(number: signal.Signals, fmu: Path, folder: Path) -> str:
+    """The one line that a long tuning ends with, on a signal in its midst."""
+    with start_of_a_long_tuning(fmu, folder) as process:
         wait_for_tuning(process)
         process.send_signal(number)
         _, errors = process.communicate(timeout=120)
-    assert process.returncode == 130
-    said = [line for line in errors.splitlines() if line.startswith("bender:")]
-    assert len(said) == 1
-    assert re.search(r"interrupted after \d+ of 100000 evaluations", said[0])
-    assert str(Path("out") / "gains.toml") in said[0]
+    assert process.returncode == 130, errors
+    (said,) = (line for line in errors.splitlines() if line.startswith("bender:"))
+    return said
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: Path, tmp_path: Path) -> None:
+    said = said_when_interrupted(number, paper_fmu, tmp_path)
+    assert re.search(r"interrupted after \d+ of 100000 evaluations", said)
+    assert str(Path("out") / "gains.toml") in said
     facts = document(tmp_path / "out")
     gains, _, _ = read_gains(tmp_path / "out" / "gains.toml")
     history = facts["history"]["reliable_bas"]
@@ -263,8 +271,7 @@ def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: P
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
 def test_a_second_interrupt_leaves_at_once(paper_fmu: Path, tmp_path: Path) -> None:
-    words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
-    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with start_of_a_long_tuning(paper_fmu, tmp_path) as process:
         wait_for_tuning(process)
         process.send_signal(signal.SIGINT)
         while not (tmp_path / "out" / "gains.toml").is_file():
@@ -307,16 +314,8 @@ def test_a_plant_that_breaks_keeps_the_best_so_far(tmp_path: Path) -> None:
 def test_an_interrupt_leaves_an_older_complete_result_alone(tuned: Path, paper_fmu: Path, tmp_path: Path) -> None:
     shutil.copytree(tuned / "out", tmp_path / "out")
     older = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
     for number in (signal.SIGHUP, signal.SIGTERM):
-        with subprocess.Popen(
-            words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as process:
-            wait_for_tuning(process)
-            process.send_signal(number)
-            _, errors = process.communicate(timeout=120)
-        assert process.returncode == 130, errors
-        (said,) = (line for line in errors.splitlines() if line.startswith("bender:"))
+        said = said_when_interrupted(number, paper_fmu, tmp_path)
         assert re.search(r"out.gains\.partial\.toml; out.gains\.toml is of an earlier run", said)
         now = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
         assert older.items() <= now.items()

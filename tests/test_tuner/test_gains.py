@@ -35,10 +35,7 @@ def test_isa_and_back(kp: float, ki: float, kd: float, tf: float, on_error: bool
 def test_isa_by_hand() -> None:
     assert to_isa(Gains(2.0, 8.0, 0.5, 0.1)) == IsaForm(2.0, 0.25, 0.25, 0.1)
     assert to_isa(Gains(2.0, 0.0)) == IsaForm(2.0, math.inf, 0.0, 0.0)
-
-
-def test_pure_integral_action_has_no_isa_form() -> None:
-    assert to_isa(Gains(0.0, 8.0)) is None
+    assert to_isa(Gains(0.0, 8.0)) is None, "pure integral action has none"
 
 
 @pytest.mark.parametrize("values", [(0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, math.nan, 0.0)])
@@ -86,17 +83,12 @@ def written(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.parametrize("limits", [LIMITS, Limits(-math.inf, math.inf)])
 @pytest.mark.parametrize("gains", [GAINS, Gains(0.0, 5.9), Gains(1.0, 0.0, 0.1, 0.0, True)])
-def test_what_is_written_is_read(tmp_path: Path, gains: Gains) -> None:
+def test_what_is_written_is_read(tmp_path: Path, gains: Gains, limits: Limits) -> None:
     path = tmp_path / "gains.toml"
-    write_gains(path, gains, LIMITS, 0.02)
-    assert read_gains(path) == (gains, LIMITS, 0.02)
-
-
-def test_unlimited_commands_survive(tmp_path: Path) -> None:
-    path = tmp_path / "gains.toml"
-    write_gains(path, GAINS, Limits(-math.inf, math.inf), 0.02)
-    assert read_gains(path)[1] == Limits(-math.inf, math.inf)
+    write_gains(path, gains, limits, 0.02)
+    assert read_gains(path) == (gains, limits, 0.02)
 
 
 def test_every_form_stands_in_the_file(written: Path) -> None:
@@ -154,18 +146,13 @@ def test_nothing_is_written_for_a_period_that_is_none(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_units_are_said_where_they_are_others_than_the_names_say(written: Path, tmp_path: Path) -> None:
+def test_other_units_are_said_in_the_file_and_do_not_run_on_a_bench(written: Path, tmp_path: Path) -> None:
     assert "units" not in written.read_text(encoding="utf-8")
     assert read_units(written) is None
+    assert read_bench_gains(written) == read_gains(written)
     path = tmp_path / "oven.toml"
     write_gains(path, GAINS, LIMITS, 0.02, units=("W", "K"))
     assert read_units(path) == ("W", "K")
     assert read_gains(path) == (GAINS, LIMITS, 0.02)
-
-
-def test_gains_of_other_units_do_not_run_on_a_bench(written: Path, tmp_path: Path) -> None:
-    path = tmp_path / "oven.toml"
-    write_gains(path, GAINS, LIMITS, 0.02, units=("W", "K"))
-    assert read_bench_gains(written) == read_gains(written)
     with pytest.raises(InputError, match="found gains in W and K, expected V and µm, the units of a bench"):
         read_bench_gains(path)

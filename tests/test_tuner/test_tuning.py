@@ -100,6 +100,8 @@ def test_defaults_suit_objective_and_method() -> None:
         ({"noise_um": -1.0}, "noise_um"),
         ({"evaluations": 0}, "evaluations"),
         ({"seed": -1}, "seed"),
+        ({"setpoint_um": "12"}, "setpoint_um: found '12', expected a number"),
+        ({"evalutions": 3}, "evalutions: no such setting, expected one of method"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], complaint: str) -> None:
@@ -107,17 +109,9 @@ def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], complain
         make_settings(**given)
 
 
-def test_a_slow_loop_reads_instants() -> None:
+def test_a_slow_loop_reads_instants_unless_an_exposure_is_asked_for() -> None:
     assert make_settings(rate_Hz=0.2, duration_s=99.0).sampling.substeps == 1
     assert make_settings(rate_Hz=0.2, duration_s=99.0, exposure_s=1.0).exposure_s == 1.0
-    assert make_settings(rate_Hz=30.0).exposure_s == 0.015
-
-
-def test_a_setting_that_is_no_number_or_no_setting_is_named() -> None:
-    with pytest.raises(InputError, match="setpoint_um: found '12', expected a number"):
-        make_settings(setpoint_um="12")
-    with pytest.raises(InputError, match="evalutions: no such setting, expected one of method"):
-        make_settings(evalutions=3)
 
 
 class Warm:

@@ -44,6 +44,12 @@ def paper_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_plant_fmu(load_model("paper"), tmp_path_factory.mktemp("fmu") / "paper.fmu")
 
 
+def _parsed(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return parser.parse_args(words)
+
+
 def test_without_wishes_the_bounds_are_the_standard_ones(paper_fmu: Path):
     with FmuPlant(paper_fmu) as plant:
         assert pose_problem(plant, make_settings()).practitioner.priorities == Priorities()
@@ -104,19 +110,13 @@ def test_a_bound_is_a_parabola_that_is_one_at_the_bound(paper_fmu: Path):
 
 
 def test_a_weight_weighs_what_it_says(paper_fmu: Path):
-    settings = settings_from(_words("--weight", "effort=3", "--weight", "worst_case=1"))
+    settings = settings_from(_parsed("--weight", "effort=3", "--weight", "worst_case=1"))
     assert settings.weights == (("effort", 3.0), ("worst_case", 1.0))
     with FmuPlant(paper_fmu) as plant:
         weighed = pose_problem(plant, settings).practitioner
         assert weighed.priorities == replace(Priorities(), effort_weight=3.0, worst_share=1.0)
         found = weighed.evaluate(Gains(0.3, 12.0, 0.01))
     assert found.tracking == max(case.score for case in found.cases)
-
-
-def _words(*words: str) -> argparse.Namespace:
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    return parser.parse_args(words)
 
 
 @pytest.mark.slow
@@ -186,12 +186,6 @@ def test_words_that_are_no_bounds_are_refused(word: str, capsys: pytest.CaptureF
 def test_bounds_are_given_together_or_one_by_one():
     both = settings_from(_parsed("--bounds", "kp=0.1:2", "Ki=1:20", "--bounds", "kd=1e-4:0.1"))
     assert both.gain_bounds == (("kp", 0.1, 2.0), ("ki", 1.0, 20.0), ("kd", 1e-4, 0.1))
-
-
-def _parsed(*words: str) -> argparse.Namespace:
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    return parser.parse_args([*words])
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,11 @@ def without(record: Record, missing: slice | np.ndarray) -> Record:
 
 
 def alarms(known: dict[str, tuple[Record, Baseline]], name: str, record: Record) -> list[int]:
-    watcher, rows = Watcher(MODELS[name], *known[name], HOW), Rows.of(record)
+    return alarms_of(Watcher(MODELS[name], *known[name], HOW), record)
+
+
+def alarms_of(watcher: Watcher, record: Record) -> list[int]:
+    rows = Rows.of(record)
     return [x["row"] for x in [*watcher.begin_record("own", rows), *watcher.take(rows)] if x["event"] == "alarm"]
 
 
@@ -164,9 +168,7 @@ def test_noise_below_the_least_is_not_quieter() -> None:
     ]
     part = slice(0, 1200)
     training = Record(clean[0].time_s[part], clean[0].voltage_V[part], clean[0].displacement_um[part])
-    watcher, rows = Watcher(BEAM, training, learn(BEAM, training, 1e6), HOW), Rows.of(clean[1])
-    events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
-    assert [x["event"] for x in events if x["event"] == "alarm"] == []
+    assert alarms_of(Watcher(BEAM, training, learn(BEAM, training, 1e6), HOW), clean[1]) == []
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -225,10 +227,8 @@ def test_behind_missing_rows_an_fmu_is_not_judged_for_a_while(known: dict[str, t
     with contextlib.closing(OfFmu(ensure_plant_fmu("paper"))) as fmu:
         watcher = Watcher(None, training, learn(fmu, training, HOW.rows_between_false_alarms), HOW)
         record = without(recorded(PAPER, 5), np.r_[800:805, 1500:1520])
-        rows = Rows.of(record)
-        events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
-    assert [x["event"] for x in events if x["event"] == "alarm"] == []
-    assert watcher.judged == len(rows) - 2 * settling_rows(False, watcher.baseline.rows) - 8 * 5 - 8 * 20
+        assert alarms_of(watcher, record) == []
+    assert watcher.judged == len(record) - 2 * settling_rows(False, watcher.baseline.rows) - 8 * 5 - 8 * 20
 
 
 def test_a_training_record_that_lacks_rows_shows_its_noise_alone(known: dict[str, tuple[Record, Baseline]]) -> None:
@@ -236,6 +236,4 @@ def test_a_training_record_that_lacks_rows_shows_its_noise_alone(known: dict[str
     training = without(recorded(PAPER, 1), missing)
     found = learn(PAPER, training, HOW.rows_between_false_alarms)
     assert found.noise_um == pytest.approx(known["paper"][1].noise_um, rel=0.05)
-    watcher, rows = Watcher(PAPER, training, found, HOW), Rows.of(recorded(PAPER, 2))
-    events = [*watcher.begin_record("own", rows), *watcher.take(rows)]
-    assert [x["event"] for x in events if x["event"] == "alarm"] == []
+    assert alarms_of(Watcher(PAPER, training, found, HOW), recorded(PAPER, 2)) == []

@@ -72,26 +72,25 @@ def kinds(events: list[dict[str, Any]]) -> list[str]:
     return [x["event"] for x in events if x["event"] not in ("baseline", "record", "trend")]
 
 
-@pytest.mark.parametrize("content", ["", "a,b,c\n1,2,3\n", "time_s,voltage_V,displacement_um\n0.0,x,1.0\n"])
 @pytest.mark.parametrize("is_trained", [False, True])
-def test_a_record_that_is_none_leaves_nothing_behind(
-    content: str, is_trained: bool, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "bad.csv").write_text(content, encoding="utf-8")
-    words = ["watch", "beam", str(tmp_path / "bad.csv"), "--replay", "--no-diagnosis", "--out", str(tmp_path / "out")]
-    assert main([*words, *(["--training", str(device.training)] if is_trained and content else [])]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("is_trained", [False, True])
-def test_a_folder_whose_files_are_no_records_leaves_nothing_behind(
-    is_trained: bool, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("bad.csv", ""),
+        ("bad.csv", "a,b,c\n1,2,3\n"),
+        ("bad.csv", "time_s,voltage_V,displacement_um\n0.0,x,1.0\n"),
+        ("", "look at the clamp\n" * 500),
+    ],
+    ids=["empty", "no columns", "no number", "a folder with a note"],
+)
+def test_what_is_no_record_leaves_nothing_behind(
+    name: str, content: str, is_trained: bool, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "records").mkdir()
-    (tmp_path / "records" / "a_note.txt").write_text("look at the clamp\n" * 500, encoding="utf-8")
-    words = ["watch", "beam", str(tmp_path / "records"), "--replay", "--no-diagnosis", "--out", str(tmp_path / "out")]
-    assert main([*words, *(["--training", str(device.training)] if is_trained else [])]) == 2
+    (tmp_path / "records" / (name or "a_note.txt")).write_text(content, encoding="utf-8")
+    words = ["--replay", "--no-diagnosis", "--out", str(tmp_path / "out")]
+    training = ["--training", str(device.training)] if is_trained else []
+    assert main(["watch", "beam", str(tmp_path / "records" / name), *words, *training]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
