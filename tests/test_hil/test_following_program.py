@@ -18,7 +18,7 @@ from bender_hil.bench_file import emulated_bench
 from bender_hil.command import followed
 from bender_hil.log.journal import Journal
 from bender_hil.log.replay import replay_run
-from bender_hil.runner.following_program import FollowingLoop, following
+from bender_hil.runner.following_program import FollowingLoop, extrapolation, following
 from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop
 from bender_loop.control.references import Profile, Reference, Step
@@ -110,6 +110,13 @@ def test_a_set_point_beyond_what_the_model_was_learned_from_is_said_beforehand(
     assert (f" {said}" in told and "V, the model was learned from 0 to 8 V: beyond" in told) == bool(said)
     with following(plain, tuned.model, learned_fmu, 30.0, preview=False) as again:
         assert again.decide(0.0, PERIOD_S, 0.0) == first, "the look beforehand leaves nothing behind"
+
+
+def test_of_a_model_that_does_not_say_where_it_was_learned_nothing_is_said(model_fmu: Path):
+    tuned = tuned_on(model_fmu)
+    plain = ClosedLoop(Step(30.0), tuned.gains, tuned.limits, 800.0, 1.0)
+    with following(plain, tuned.model, model_fmu, 30.0, preview=False) as program:
+        assert extrapolation(program) == ""
 
 
 @given(st.lists(st.floats(-100.0, 100.0), min_size=1), st.floats(-50.0, 0.0), st.floats(1.0, 50.0))
