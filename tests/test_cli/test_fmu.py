@@ -70,6 +70,14 @@ def test_archive_without_a_model_description_is_refused(tmp_path: Path):
     assert main(["fmu", "check", str(path)]) == 2
 
 
+def test_platforms_without_native_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["fmu", "build", "--out", str(tmp_path / "new"), "--platforms", "all", "--json"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, len(err.splitlines())) == ("", 1)
+    assert "--platforms: found without --native" in err
+    assert not (tmp_path / "new").exists()
+
+
 def test_the_loop_takes_the_gains_of_a_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     gains = tmp_path / "gains.toml"
     text = "sampling_period_s = 0.02\n[parallel]\nproportional_V_per_um = 0.5\nintegral_V_per_um_s = 6.5\n"

@@ -46,7 +46,7 @@ def controller(gains: Gains, period_s: float = PERIOD) -> tuple[NDArray[np.float
     """Numerator and denominator of the PID block, in z."""
     tf = gains.filter_time_s
     integrator, filtered = np.array([1.0, -1.0]), np.array([tf + period_s, -tf])
-    den = np.polymul(integrator, filtered)
+    den = np.convolve(integrator, filtered)
     num = gains.proportional_V_per_um * den + gains.derivative_V_s_per_um * np.polymul(integrator, integrator)
     return num + gains.integral_V_per_um_s * period_s * np.polymul([1.0, 0.0], filtered), den
 
