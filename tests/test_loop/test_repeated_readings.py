@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bender_compiled.simulation import Drive, Simulator
@@ -19,6 +19,7 @@ def read(seed: int, noise_um: float = 0.05) -> np.ndarray:
     return 0.47 * COMMAND_V + noise_um * np.random.default_rng(seed).standard_normal(ROWS)
 
 
+@example(seed=130, rows_each=5.0, digits=3)
 @given(seed=st.integers(0, 10_000), rows_each=st.sampled_from([1.7, 2.0, 2.4, 3.0, 5.0]), digits=st.integers(3, 9))
 def test_a_sensor_that_is_slower_than_the_rows_is_read_once(seed: int, rows_each: float, digits: int) -> None:
     fresh = np.floor(np.arange(ROWS) / rows_each + 1e-9).astype(int)

@@ -46,7 +46,8 @@ def _repeats(readings: Array) -> Mask:
     steps = np.abs(np.diff(values))
     if rows.size < 2 * FEWEST or not np.any(steps > 0.0):
         return found
-    digit = float(np.min(steps[steps > 0.0]))
+    # few readings have no neighbours a digit apart; any two of them are soon nearer
+    digit = float(np.min(np.diff(np.unique(values))))
     # readings that differ from both neighbours, and the rows in which they stand
     starts = np.flatnonzero(np.concatenate([[True], steps > 0.0]))
     lengths = np.diff(np.append(starts, values.size))
