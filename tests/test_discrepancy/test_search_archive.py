@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -363,6 +362,14 @@ def test_what_is_material_removes_half_of_the_rest_or_a_twentieth_of_the_gap(
     assert RULES.is_material(CLOSING.archive, base, without, fitted) is is_material
 
 
+@pytest.mark.parametrize(("left_um", "is_half_way"), [(1.69, False), (1.68, True)])
+def test_two_steps_of_half_the_way_are_material(left_um: float, is_half_way: bool) -> None:
+    base, without, one, two = leaving(10.0, 2.0, left_um, left_um**2 / 2.0)
+    assert RULES.is_half_way(CLOSING.archive, without, one) is is_half_way
+    assert not RULES.is_material(CLOSING.archive, base, without, one)
+    assert RULES.is_material(CLOSING.archive, base, without, two) is is_half_way
+
+
 @pytest.mark.parametrize(
     ("without_um", "left_um", "of_size"),
     [(0.15, 0.13, True), (0.15, 0.1, False), (0.11, 0.06, True), (1.1, 0.1, False)],
@@ -582,17 +589,8 @@ def test_what_one_number_more_removes_to_the_noise_is_an_effect(threshold_V: flo
     assert set(parsimonious(found.archive, RULES).hypothesis.effects) == names
 
 
-@pytest.mark.parametrize(("rows", "core_s"), [(100, 11), (2000, 22), (10_000, 40)])
-def test_a_step_says_which_of_its_models_it_tries_and_the_first_how_long_steps_are_begun(
-    rows: int, core_s: int, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_first_step_says_for_how_long_steps_are_begun(search: SearchResult) -> None:
     said: list[str] = []
-    monkeypatch.setattr(search_module, "explore", lambda *_: [])
-    archive: Any = SimpleNamespace(problem=SimpleNamespace(all_rows=rows))
-    catalogue: Any = SimpleNamespace(kits=[SimpleNamespace(forms=range(55))])
-    beam: Any = [SimpleNamespace(training_square=1.0)] * 3
-    for depth in (1, 2):
-        say = partial(search_module._say_step, said.append, archive, catalogue, depth, len(beam))
-        assert search_module._grown(archive, catalogue, beam, say) == []
-    assert said[3:] == [f"step 2: trying 55 forms on model {k} of 3" for k in (1, 2, 3)]
-    assert all(f"for some {core_s} s of an idle core" in x for x in said[:3])
+    search_module.search(search.archive.problem, Catalogue((Kit(None, ()),)), RULES, said.append)
+    for_long = "steps are begun for some 13 s of an idle core, and as long again for each effect found"
+    assert said == [f"step 1: trying 0 forms on model 1 of 1; {for_long}"]
