@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from bender_loop.fmu.check.archive import archive_findings
 from bender_loop.fmu.check.description import description_findings, model_identifiers
@@ -63,8 +65,10 @@ def stepped_in_child(fmus: Sequence[Path], steps: Sequence[tuple[float, float]])
     return json.loads(done.stdout)
 
 
-def largest_difference(left: Sequence[float], right: Sequence[float]) -> float:
-    return max(abs(a - b) for a, b in zip(left, right, strict=True))
+def largest_difference(left: ArrayLike, right: ArrayLike) -> float:
+    one, other = np.asarray(left), np.asarray(right)
+    assert one.shape == other.shape
+    return float(np.max(np.abs(one - other)))
 
 
 # fmutool reports errors in its log and by its exit status; the first of them ends the script

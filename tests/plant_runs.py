@@ -1,5 +1,7 @@
 """A plant under held voltages, as tests run it."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from bender_plant.model import Model
@@ -17,3 +19,14 @@ def run_plant(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1)
             state, reading, _ = plant.step(state, float(voltage), (k + part / parts) * step_s, step_s / parts)
         readings.append(reading)
     return np.array(readings)
+
+
+def kernel_outputs_m(model: Model, steps: Iterable[tuple[float, float]], start_s: float = 0.0) -> list[list[float]]:
+    """Return reading and tip in m after each step of (voltage_V, step_s), as FMUs give them."""
+    plant = Plant(model)
+    state, time_s, found = plant.initial(), start_s, []
+    for voltage_V, step_s in steps:
+        state, reading_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
+        found.append([1e-6 * reading_um, 1e-6 * tip_um])
+        time_s += step_s
+    return found
