@@ -1,6 +1,7 @@
 """Importers and checkers at hand; each importer in a process of its own, by the scripts in `test_export/importers`."""
 
 import ctypes
+import importlib.util
 import json
 import subprocess
 import sys
@@ -8,10 +9,15 @@ import zipfile
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from xml.etree import ElementTree
 
+import fmpy
+import numpy as np
 import pytest
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+from numpy.typing import ArrayLike
 
 from bender_loop.fmu.check.archive import archive_findings
 from bender_loop.fmu.check.description import description_findings, model_identifiers
@@ -19,6 +25,7 @@ from bender_loop.fmu.check.standard import fmpy_findings, schema_findings
 
 SCRIPTS = Path(__file__).parent / "test_export" / "importers"
 WITHIN_M = 1e-12
+SSP_SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 
 
 def _without(package: str) -> str:
@@ -52,6 +59,16 @@ def hosted(script: str, job: dict[str, Any], folder: Path) -> list[float]:
     return json.loads((folder / "found.json").read_text(encoding="utf-8"))
 
 
+def loaded(script: Path) -> ModuleType:
+    """Return a script as a module."""
+    spec = importlib.util.spec_from_file_location(script.stem, script)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def stepped_in_child(fmus: Sequence[Path], steps: Sequence[tuple[float, float]]) -> list[list[list[float]]]:
     """Step FMUs side by side through FMPy in a child process: [fmu][step][output]."""
     job = json.dumps({"fmus": [str(path) for path in fmus], "steps": list(steps)})
@@ -63,8 +80,10 @@ def stepped_in_child(fmus: Sequence[Path], steps: Sequence[tuple[float, float]])
     return json.loads(done.stdout)
 
 
-def largest_difference(left: Sequence[float], right: Sequence[float]) -> float:
-    return max(abs(a - b) for a, b in zip(left, right, strict=True))
+def largest_difference(left: ArrayLike, right: ArrayLike) -> float:
+    one, other = np.asarray(left), np.asarray(right)
+    assert one.shape == other.shape
+    return float(np.max(np.abs(one - other)))
 
 
 # fmutool reports errors in its log and by its exit status; the first of them ends the script
@@ -96,3 +115,35 @@ def assert_fmutool_finds_nothing(paths: Sequence[Path]) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.endswith("all checked\n")
     assert "ERROR" not in done.stdout + done.stderr
+
+
+LOOP_IN_FMPY = """
+import json, sys
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import read_ssv
+archive, steps, step_s, shown, values = sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), sys.argv[4], sys.argv[5:]
+bound = read_ssv(values[0]) if values else None
+found = simulate_ssp(archive, stop_time=(steps - 0.5) * step_s, step_size=step_s, parameter_set=bound)
+print(json.dumps(found["plant." + shown].tolist()))
+"""
+
+
+def looped_in_fmpy(
+    archive: Path, steps: int, step_s: float, shown: str = "displacement", values: Path | None = None
+) -> list[float]:
+    """Run the SSP archive of a loop in FMPy, with a file of values or as it is; returns what the plant shows in m."""
+    words = [str(archive), str(steps), str(step_s), shown, *([] if values is None else [str(values)])]
+    command = [sys.executable, "-c", LOOP_IN_FMPY, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    return json.loads(done.stdout)
+
+
+def assert_follows_its_schemas(archive: Path) -> None:
+    """The system structures and parameter values of an SSP archive, two of each."""
+    with zipfile.ZipFile(archive) as opened:
+        for ending, schema in ((".ssd", "Description"), (".ssv", "ParameterValues")):
+            rules = etree.XMLSchema(etree.parse(SSP_SCHEMAS / f"SystemStructure{schema}.xsd"))
+            texts = [opened.read(name) for name in opened.namelist() if name.endswith(ending)]
+            assert len(texts) == 2
+            for text in texts:
+                rules.assertValid(etree.fromstring(text))

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import pytest
 
-from bender_native.build import source_files
+from bender_native.build import Way, source_files
 from bender_native.compilers import compiled, has_zig, own_compiler, own_platform
 from bender_native.model_source import Source
 from bender_native.plant_source import plant_source
@@ -20,6 +20,15 @@ needs_own_compiler = pytest.mark.skipif(
     own_platform() is None or (own_compiler() is None and not has_zig()), reason="no C compiler is installed"
 )
 GUID = "{tested}"
+
+
+def own_way(fmi: int) -> Way:
+    """The way to build an FMU of this version for this machine alone."""
+    own = own_platform()
+    assert own is not None
+    return Way(fmi, (own,))
+
+
 _CALLBACKS = ctypes.c_void_p * 5
 
 

@@ -1,5 +1,7 @@
 """A plant under held voltages, as tests run it."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from bender_plant.blocks import BLOCKS
@@ -25,3 +27,14 @@ def with_transducer(block_id: str, **parameters: object) -> Model:
     bench = load_model("bench")
     others = tuple(x for x in bench.blocks if x.id != "learned_hysteresis")
     return Model("test", bench.beam, (*others, BlockSettings(block_id, BLOCKS[block_id].parameters(**parameters))))
+
+
+def kernel_outputs_m(model: Model, steps: Iterable[tuple[float, float]], start_s: float = 0.0) -> list[list[float]]:
+    """Return reading and tip in m after each step of (voltage_V, step_s), as FMUs give them."""
+    plant = Plant(model)
+    state, time_s, found = plant.initial(), start_s, []
+    for voltage_V, step_s in steps:
+        state, reading_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
+        found.append([1e-6 * reading_um, 1e-6 * tip_um])
+        time_s += step_s
+    return found

@@ -1,16 +1,15 @@
 """The how-to of own formats, supplies and effects, followed: its package is made, installed and used."""
 
 import json
-import os
 import re
 import subprocess
 import sys
-import tomllib
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
+from page_packages import bender, installed, made_known, python, written
 
 from bender_hil.supply.dialect import NEEDED, Dialect
 
@@ -20,44 +19,10 @@ MODEL = 'format = 1\nname = "mine"\n[[block]]\nid = "linear_transduction"\nsensi
 CLIPPED = MODEL + '[[block]]\nid = "amplifier_clipping"\nclip_V = 30.0\n'
 
 
-def written(folder: Path) -> Path:
-    """Write the files of the page, as it says."""
-    blocks = re.findall(r"```(?:toml|python)\n# (\S+)\n(.*?)```", PAGE, re.DOTALL)
-    assert len(blocks) == 5
-    for name, text in blocks:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text, encoding="utf-8")
-    return folder
-
-
-def made_known(folder: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
-    """Write what an installer writes of a package's entry points."""
-    info = folder / f"{name}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
-    lines = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in points.items()) for group, points in groups.items()]
-    (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package as installed."""
-    folder = written(tmp_path_factory.mktemp("site"))
-    told = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
-    assert told["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["my_bench"]
-    made_known(folder, "my_bench", told["project"]["entry-points"])
-    return folder
-
-
-def python(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    paths = os.pathsep.join(filter(None, (str(site), os.environ.get("PYTHONPATH"))))
-    environment = os.environ | {"PYTHONPATH": paths}
-    command = [sys.executable, *words]
-    return subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=False)
-
-
-def bender(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return python(site, place, "-m", "bender_cli", *words)
+    return installed(PAGE, tmp_path_factory.mktemp("site"), "my_bench")
 
 
 def clipped_record(noise_um: float = 0.0) -> np.ndarray:
@@ -160,7 +125,7 @@ def test_an_own_effect_is_named_by_a_diagnosis(site: Path, tmp_path: Path):
 @pytest.mark.slow
 def test_the_package_installs_with_pip(tmp_path: Path):
     pytest.importorskip("hatchling")
-    project = written(tmp_path / "my-bench")
+    project = written(PAGE, tmp_path / "my-bench")
     words = ["install", "--no-deps", "--no-build-isolation", "--no-index", "-q", "--target", str(tmp_path / "site")]
     subprocess.run([sys.executable, "-m", "pip", *words, str(project)], check=True, capture_output=True)
     done = bender(tmp_path / "site", tmp_path, "effects", "amplifier_clipping", "--json")

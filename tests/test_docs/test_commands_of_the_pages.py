@@ -83,23 +83,17 @@ def test_the_pages_have_commands() -> None:
     assert shown >= {"tune", "compare", "diagnose", "effects", "identify", "fmu", "hil", "calibrate", "reproduce"}
 
 
-@pytest.mark.parametrize("command", BENDER, ids=lambda command: f"{command.page.stem}: {command.line[:60]}")
-def test_the_options_exist(command: Command) -> None:
-    name, *words = command.words[1:]
-    command_parser(name, import_module(COMMANDS[name])).parse_args(words)
-
-
 FIGURES = [
-    (page, heading)
+    Command(page, heading)
     for page in sorted((ROOT / "docs/reference/figures").glob("*.md"))
     for heading in re.findall(r"^##? `(bender [^`]+)`$", page.read_text(encoding="utf-8"), re.MULTILINE)
 ]
 
 
-@pytest.mark.parametrize(("page", "line"), FIGURES, ids=lambda x: x.stem if isinstance(x, Path) else x[:60])
-def test_the_command_above_a_table_of_figures_exists(page: Path, line: str) -> None:
-    assert page.stem in line
-    name, *words = shlex.split(line)[1:]
+@pytest.mark.parametrize("command", [*BENDER, *FIGURES], ids=lambda x: f"{x.page.stem}: {x.line[:60]}")
+def test_the_options_exist(command: Command) -> None:
+    assert command in BENDER or command.page.stem in command.line, "the page of figures is that of its commands"
+    name, *words = command.words[1:]
     command_parser(name, import_module(COMMANDS[name])).parse_args(words)
 
 

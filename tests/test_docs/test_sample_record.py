@@ -1,9 +1,9 @@
 """The sample record is what its script writes."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
+from fmu_hosts import loaded
 
 from bender_loop.records.record import read_record
 
@@ -11,12 +11,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def test_the_sample_record_is_what_its_script_makes() -> None:
-    spec = importlib.util.spec_from_file_location("make_sample_record", EXAMPLES / "make_sample_record.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    made, shipped = script.sample_record(), read_record(EXAMPLES / "record.csv")
+    made, shipped = loaded(EXAMPLES / "make_sample_record.py").sample_record(), read_record(EXAMPLES / "record.csv")
     assert np.array_equal(made.voltage_V, shipped.voltage_V)
     assert np.allclose(made.time_s, shipped.time_s, atol=1e-9)
     # the readings are written with four digits; another processor may round the last one otherwise

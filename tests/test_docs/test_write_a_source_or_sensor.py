@@ -1,20 +1,17 @@
 """The how-to of own sources and sensors, followed: its package is installed and drives instruments on the wire."""
 
 import json
-import os
 import re
 import socketserver
-import subprocess
-import sys
 import threading
 import time
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from page_packages import bender, installed
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "write-a-source-or-sensor.md").read_text(encoding="utf-8")
@@ -83,25 +80,9 @@ def served(answer: Any) -> Server:
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package as installed."""
-    folder = tmp_path_factory.mktemp("site")
-    blocks = re.findall(r"```(?:toml|python)\n# (\S+)\n(.*?)```", PAGE, re.DOTALL)
-    assert len(blocks) == 3
-    for name, text in blocks:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text, encoding="utf-8")
-        assert len(text.splitlines()) < MOST_LINES
-    told = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
-    assert told["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["lab_bench"]
-    project = told["project"]
-    info = folder / "lab_bench-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab-bench\nVersion: 1.0\n", encoding="utf-8")
-    points = project["entry-points"].items()
-    lines = [
-        f"[{group}]\n" + "".join(f"{name} = {place}\n" for name, place in names.items()) for group, names in points
-    ]
-    (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
-    return folder
+    site = installed(PAGE, tmp_path_factory.mktemp("site"), "lab_bench")
+    assert all(len(path.read_text(encoding="utf-8").splitlines()) < MOST_LINES for path in site.rglob("*.py"))
+    return site
 
 
 @pytest.fixture
@@ -115,12 +96,6 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
         )
         yield rig
         rig.silent = False
-
-
-def bender(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(site)}
-    command = [sys.executable, "-m", "bender_cli", *words]
-    return subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=False, timeout=100)
 
 
 @pytest.mark.slow

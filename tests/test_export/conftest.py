@@ -1,11 +1,9 @@
-import importlib.util
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
-from fmu_hosts import stepped_in_child
+from fmu_hosts import loaded, stepped_in_child
 
 from bender_export import build
 from bender_export.build import build_plant_fmu
@@ -34,7 +32,7 @@ def controller_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def running_fmu() -> Any:
     """Return the class that runs an FMU in this process."""
-    return _loaded(_SCRIPT).RunningFmu
+    return loaded(_SCRIPT).RunningFmu
 
 
 @pytest.fixture(scope="module")
@@ -56,12 +54,3 @@ def plant(paper: Any) -> Any:
 def in_child() -> Callable[[Sequence[Path], Sequence[tuple[float, float]]], list[list[list[float]]]]:
     """Return a function that steps FMUs side by side in a child process: [fmu][step][output]."""
     return stepped_in_child
-
-
-def _loaded(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

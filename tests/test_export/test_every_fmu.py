@@ -18,13 +18,13 @@ from fmu_hosts import (
     hosted,
     largest_difference,
 )
+from plant_runs import kernel_outputs_m
 
 from bender_export.archive import packed
 from bender_export.build import controller_fmu, plant_fmu, reference_fmu
 from bender_loop.fmu.check.check import check
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BUILT_IN, BlockSettings, Model, load_model
-from bender_plant.plant import Plant
 
 HERE = Path(__file__).parent
 STAIRS = [(12.0 * (k // 6 % 4), 0.012) for k in range(48)]
@@ -115,13 +115,7 @@ def test_the_whole_check_with_its_trial_run_finds_nothing(kind: str, tmp_path: P
 def test_every_fmu_gives_the_numbers_of_its_kernel(fmus: Fmus, names: list[str], in_child: InChild) -> None:
     together = in_child(fmus(names), STAIRS)
     for name, outputs in zip(names, together, strict=True):
-        plant = Plant(MODELS[name])
-        state, time_s = plant.initial(), 0.0
-        for (voltage_V, step_s), (displacement_m, tip_m) in zip(STAIRS, outputs, strict=True):
-            state, displacement_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
-            assert abs(displacement_m - 1e-6 * displacement_um) <= 1e-12, name
-            assert abs(tip_m - 1e-6 * tip_um) <= 1e-12, name
-            time_s += step_s
+        assert largest_difference(outputs, kernel_outputs_m(MODELS[name], STAIRS)) <= WITHIN_M, name
         assert max(abs(row[1]) for row in outputs) > 1e-8, name
 
 
@@ -162,10 +156,4 @@ def test_every_importer_gives_the_numbers_of_fmpy(
 
 def test_a_record_with_uneven_steps_through_fmpy(plant_fmu: Path, in_child: InChild) -> None:
     (found,) = in_child([plant_fmu], UNEVEN)
-    plant = Plant(load_model("paper"))
-    state, time_s, expected = plant.initial(), 0.0, []
-    for voltage_V, step_s in UNEVEN:
-        state, displacement_um, _ = plant.step(state, voltage_V, time_s, step_s)
-        expected.append(1e-6 * displacement_um)
-        time_s += step_s
-    assert largest_difference([outputs[0] for outputs in found], expected) <= WITHIN_M
+    assert largest_difference(found, kernel_outputs_m(load_model("paper"), UNEVEN)) <= WITHIN_M

@@ -12,10 +12,10 @@ import fmpy
 import pytest
 from few import few
 from foreign_fmus import HEADERS, SOURCES, c_compiler, needs_compiler
+from plant_runs import kernel_outputs_m
 
 from bender_export.build import plant_fmu
-from bender_plant.model import Model, load_model
-from bender_plant.plant import Plant
+from bender_plant.model import load_model
 
 RUNS, STEPS, STEP_S, VOLTAGE_V = 10, 50, 0.01, 20.0
 
@@ -78,23 +78,15 @@ def in_host(host: Path, home: Path, fmu: Path, folder: Path) -> subprocess.Compl
     )  # fmt: skip
 
 
-def expected_m(model: Model) -> list[float]:
-    plant = Plant(model)
-    state, found = plant.initial(), []
-    for k in range(STEPS):
-        state, displacement_um, _ = plant.step(state, VOLTAGE_V, k * STEP_S, STEP_S)
-        found.append(1e-6 * displacement_um)
-    return found
-
-
 @pytest.mark.parametrize("name", few(["paper", "bench"], 0))
 def test_it_runs_and_ends_with_status_0_ten_times_out_of_ten(
     host: Path, bare_python: Path, tmp_path: Path, name: str
 ) -> None:
     model = load_model(name)
     (tmp_path / "plant.fmu").write_bytes(plant_fmu(model))
+    expected_m = [reading for reading, _ in kernel_outputs_m(model, [(VOLTAGE_V, STEP_S)] * STEPS)]
     for _ in range(RUNS):
         done = in_host(host, bare_python, tmp_path / "plant.fmu", tmp_path / "unpacked")
         assert (done.returncode, done.stderr) == (0, "")
         found = [float(line) for line in done.stdout.splitlines()]
-        assert found == pytest.approx(expected_m(model), abs=1e-12)
+        assert found == pytest.approx(expected_m, abs=1e-12)

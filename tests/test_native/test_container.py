@@ -12,6 +12,7 @@ import pytest
 from few import few_rows
 from fmu_hosts import IMPORTERS, hosted, largest_difference
 from foreign_fmus import arm_fmu, foreign_fmu, needs_compiler
+from native_hosts import own_way
 
 from bender_discrepancy.foreign.container_stages import Original
 from bender_export.archive import unpacked
@@ -20,7 +21,7 @@ from bender_loop.fmu.check.check import check
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.tables.quantities import of_input_and_output
-from bender_native.build import Way, native_stage_fmu
+from bender_native.build import native_stage_fmu
 from bender_native.compilers import own_platform
 from bender_native.container import Corrected, container_fmu, corrected_system, parameter_values, parameters_of
 from bender_plant.blocks import BLOCKS
@@ -75,10 +76,8 @@ def corrected(tmp_path_factory: pytest.TempPathFactory) -> Corrected:
 
 @pytest.fixture(scope="module")
 def fmu(corrected: Corrected, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    target = own_platform()
-    assert target is not None
     made = tmp_path_factory.mktemp("container") / "Corrected.fmu"
-    made.write_bytes(container_fmu(corrected, Way(2, (target,))))
+    made.write_bytes(container_fmu(corrected, own_way(2)))
     return made
 
 
@@ -112,11 +111,9 @@ def test_units_that_the_original_does_not_declare_are_those_that_it_is_taken_in(
     with FmuPlant(path, quantities=of_input_and_output("W,K")) as plant:
         original = Original(path, plant.input, plant.output, {}, 0.0, of_input_and_output("W,K"))
     assert list(original.taken_units.values()) == ["W", "K"]
-    target = own_platform()
-    assert target is not None
     bare = replace(corrected, original=path, input=original.input, output=original.output, start_values={})
     made = tmp_path / "Corrected.fmu"
-    made.write_bytes(container_fmu(replace(bare, units=original.taken_units), Way(2, (target,))))
+    made.write_bytes(container_fmu(replace(bare, units=original.taken_units), own_way(2)))
     with FmuPlant(made, quantities=of_input_and_output("W,K")) as plant:
         assert (plant.input.unit, plant.output.unit) == ("W", "K")
     units: dict[str, Any] = {x.name: x.baseUnit for x in read_description(made).unitDefinitions}
@@ -185,9 +182,7 @@ def test_a_system_has_a_port_for_every_input_and_output(corrected: Corrected, tm
 
 @pytest.mark.slow
 def test_the_same_parts_give_the_same_bytes(corrected: Corrected, fmu: Path) -> None:
-    target = own_platform()
-    assert target is not None
-    assert container_fmu(corrected, Way(2, (target,))) == fmu.read_bytes()
+    assert container_fmu(corrected, own_way(2)) == fmu.read_bytes()
 
 
 @pytest.mark.slow
@@ -195,10 +190,8 @@ def test_the_same_parts_give_the_same_bytes(corrected: Corrected, fmu: Path) -> 
 def test_stages_by_themselves_equal_the_kernel(
     kind: type[StagesBefore] | type[StagesBehind], stages: Model, tmp_path: Path
 ) -> None:
-    target = own_platform()
-    assert target is not None
     path = tmp_path / "stages.fmu"
-    path.write_bytes(native_stage_fmu(kind, stages, Way(2, (target,)), scale=2.0, rest=0.25, own=True))
+    path.write_bytes(native_stage_fmu(kind, stages, own_way(2), scale=2.0, rest=0.25, own=True))
     kernel = Plant(stages)
     state, at_s = kernel.initial(), 0.0
     with FmuPlant(path) as plant:

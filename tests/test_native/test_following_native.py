@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from following_controllers import MODELS, PERIOD_S, tuned_on
-from native_hosts import needs_own_compiler
+from native_hosts import needs_own_compiler, own_way
 
 from bender_cli.main import main
 from bender_export.archive import unpacked
@@ -26,8 +26,7 @@ from bender_loop.fmu.controller import FmuController
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.followed_model import Loop, open_follower
 from bender_loop.fmu.ports import Setting
-from bender_native.build import Way, native_following_fmu
-from bender_native.compilers import own_platform
+from bender_native.build import native_following_fmu
 from bender_tuner.results.gains_file import write_gains
 
 pytestmark = needs_own_compiler
@@ -36,12 +35,6 @@ LATE: dict[str, Any] = {
     "parameters": {"calibration.gain": 1.05}, "held_back": 0.03, "rms_um": 0.05,
 }  # fmt: skip
 CASES = {2: ("late", Host(1, 0.004), LATE), 3: ("paper", Host(), {})}
-
-
-def way(fmi: int) -> Way:
-    own = own_platform()
-    assert own is not None
-    return Way(fmi, (own,))
 
 
 def tuned_for(fmi: int, folder: Path) -> tuple[Tuned, Path, Host]:
@@ -57,7 +50,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     equations = followed_equations(tuned.model, model)
     controller = folder / FOLLOWING_FMU
     settings = following_settings(tuned, equations, host)
-    controller.write_bytes(native_following_fmu(settings, equations, way(request.param)))
+    controller.write_bytes(native_following_fmu(settings, equations, own_way(request.param)))
     return tuned, model, host, controller
 
 

@@ -15,14 +15,15 @@ from fmu_hosts import (
     largest_difference,
     stepped_in_child,
 )
+from native_hosts import own_way
+from plant_runs import kernel_outputs_m
 
 from bender_export.system import loop_of
 from bender_loop.control.pid import Gains, Limits, PidState, step
 from bender_loop.fmu.check.check import check
-from bender_native.build import Way, native_controller_fmu, native_plant_fmu, native_reference_fmu
+from bender_native.build import native_controller_fmu, native_plant_fmu, native_reference_fmu
 from bender_native.compilers import own_compiler, own_platform
 from bender_plant.model import BUILT_IN, Model, load_model
-from bender_plant.plant import Plant
 
 pytestmark = pytest.mark.skipif(
     own_compiler() is None or own_platform() is None, reason="no C compiler on this machine, or no name for it"
@@ -30,12 +31,6 @@ pytestmark = pytest.mark.skipif(
 STEP_S = 0.01
 WITHIN_M = 1e-15
 STAIRS_V = [10.0 * (k // 20 % 6) for k in range(240)]
-
-
-def _way(fmi: int) -> Way:
-    own = own_platform()
-    assert own is not None
-    return Way(fmi, (own,))
 
 
 def _much() -> Model:
@@ -54,12 +49,7 @@ MODELS = {**{name: load_model(name) for name in BUILT_IN}, "much": _much()}
 
 
 def kernel_m(model: Model) -> list[float]:
-    plant = Plant(model)
-    state, found = plant.initial(), []
-    for k, voltage_V in enumerate(STAIRS_V):
-        state, displacement_um, _ = plant.step(state, voltage_V, k * STEP_S, STEP_S)
-        found.append(1e-6 * displacement_um)
-    return found
+    return [reading for reading, _ in kernel_outputs_m(model, [(voltage_V, STEP_S) for voltage_V in STAIRS_V])]
 
 
 Fmus = Callable[[Sequence[str]], list[Path]]
@@ -74,7 +64,7 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Fmus:
         paths = [folder / f"{name}.fmu" for name in names]
         for name, path in zip(names, paths, strict=True):
             if not path.exists():
-                path.write_bytes(native_plant_fmu(MODELS[name], _way(2), own=True))
+                path.write_bytes(native_plant_fmu(MODELS[name], own_way(2), own=True))
         return paths
 
     return built
@@ -95,9 +85,9 @@ def test_fmutool_finds_nothing(fmus: Fmus, names: list[str]) -> None:
 @pytest.mark.parametrize("kind", few(["plant", "controller", "reference"], 0))
 def test_the_whole_check_with_its_trial_run_finds_nothing(kind: str, fmi: int, tmp_path: Path) -> None:
     makers: dict[str, Callable[[], bytes]] = {
-        "plant": lambda: native_plant_fmu(load_model("paper"), _way(fmi), own=True),
-        "controller": lambda: native_controller_fmu(_way(fmi)),
-        "reference": lambda: native_reference_fmu(_way(fmi)),
+        "plant": lambda: native_plant_fmu(load_model("paper"), own_way(fmi), own=True),
+        "controller": lambda: native_controller_fmu(own_way(fmi)),
+        "reference": lambda: native_reference_fmu(own_way(fmi)),
     }
     path = tmp_path / f"{kind}.fmu"
     path.write_bytes(makers[kind]())
@@ -108,7 +98,7 @@ def test_the_whole_check_with_its_trial_run_finds_nothing(kind: str, fmi: int, t
 
 def test_the_controller_starts_with_the_gains_of_a_tuning(tmp_path: Path) -> None:
     path = tmp_path / "controller.fmu"
-    path.write_bytes(native_controller_fmu(_way(2), loop_of(Gains(0.25, 7.0), Limits(0.0, 95.0), 0.02)))
+    path.write_bytes(native_controller_fmu(own_way(2), loop_of(Gains(0.25, 7.0), Limits(0.0, 95.0), 0.02)))
     found = simulate_fmu(
         str(path), stop_time=0.02, step_size=0.02, output_interval=0.02, start_values={"setpoint": 8e-6}
     )

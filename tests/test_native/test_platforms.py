@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 import fmpy
 import pytest
 from foreign_fmus import HEADERS, SOURCES, c_compiler, needs_compiler
+from plant_runs import kernel_outputs_m
 
 from bender_loop.fmu.check.archive import archive_findings
 from bender_native.build import Way, build_native, native_plant_fmu, way
 from bender_native.compilers import PLATFORMS, has_zig, own_platform
 from bender_plant.model import load_model
-from bender_plant.plant import Plant
 
 STEPS, STEP_S, VOLTAGE_V = 80, 0.01, 20.0
 WITHIN_M = 1e-15
@@ -37,12 +37,7 @@ needs_wine = pytest.mark.skipif(WINE is None, reason="Wine is not installed; on 
 
 
 def expected_m() -> list[float]:
-    plant = Plant(load_model("paper"))
-    state, found = plant.initial(), []
-    for k in range(STEPS):
-        state, displacement_um, _ = plant.step(state, VOLTAGE_V, k * STEP_S, STEP_S)
-        found.append(1e-6 * displacement_um)
-    return found
+    return [reading for reading, _ in kernel_outputs_m(load_model("paper"), [(VOLTAGE_V, STEP_S)] * STEPS)]
 
 
 def agree(done: subprocess.CompletedProcess[str]) -> None:

@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from few import few
+from native_hosts import own_way
 
 from bender_export.build import ensure_plant_fmu
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.shell.run import Run, running
 from bender_native import compilers, ready
-from bender_native.build import Way, native_reference_fmu
+from bender_native.build import native_reference_fmu
 from bender_native.compilers import compiled, own_compiler, own_platform
 from bender_native.ready import ready_plant_fmu
 from bender_plant.model import load_model
@@ -52,11 +53,10 @@ def test_it_is_built_once_and_anew_for_another_model(monkeypatch: pytest.MonkeyP
 
 @needs_compiler
 def test_what_a_first_build_waits_for_has_a_name():
-    own = own_platform()
-    assert own is not None
+    way = own_way(2)
     with running(Run("bender fmu build --native")) as run:
-        native_reference_fmu(Way(2, (own,)))
-    assert run.doing.startswith(f"compiling StaircaseReference for {own.name} with ")
+        native_reference_fmu(way)
+    assert run.doing.startswith(f"compiling StaircaseReference for {way.platforms[0].name} with ")
 
 
 @pytest.mark.slow

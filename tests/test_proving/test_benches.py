@@ -174,6 +174,11 @@ def _off(commanded_V: np.ndarray, shown_V: np.ndarray) -> np.ndarray:
     return np.maximum(np.minimum(commanded_V, earlier) - shown_V, shown_V - np.maximum(commanded_V, earlier))
 
 
+def _warmed_K(shown_C: np.ndarray) -> float:
+    tenth = len(shown_C) // 10
+    return abs(float(np.mean(shown_C[-tenth:]) - np.mean(shown_C[:tenth])))
+
+
 def _lags(case: Case, column: str) -> bool:
     error_V = 0.05 + 0.005 * 50.0 + 5.0 * 0.02 + 0.01
     return bool(np.max(_off(*_read(case, column))[1:]) > error_V)
@@ -207,9 +212,7 @@ def test_a_moved_form_moves_what_the_supply_puts_out_by_the_same_part() -> None:
 @pytest.mark.parametrize(("name", "warms"), [("thermal_drift", True), ("creep", False)])
 def test_the_thermometer_shows_what_drifts_with_the_warmth_alone(name: str, warms: bool) -> None:
     _, shown_C = _read(make_case("single", (name,), 7, "camera"), "temperature_C")
-    tenth = len(shown_C) // 10
-    change_K = abs(np.mean(shown_C[-tenth:]) - np.mean(shown_C[:tenth]))
-    assert (change_K > 0.01) == warms
+    assert (_warmed_K(shown_C) > 0.01) == warms
 
 
 @pytest.mark.parametrize("column", few(COLUMNS, 0))
@@ -222,19 +225,11 @@ def test_a_bench_keeps_its_instruments_and_draws_their_noise_anew(column: str) -
 
 
 def test_there_is_no_instrument_for_every_column() -> None:
-    bench = Bench(make_case("nothing", (), 1, "camera"))
-    plan = bench.excitation()
     with pytest.raises(KeyError, match="humidity"):
-        bench.with_columns(bench.record(plan, bench.noise()), plan, ("humidity",))
+        _read(make_case("nothing", (), 1, "camera"), "humidity")
 
 
 NAMES = tuple(f"{x.effect}-{x.shown_by or x.cleared_by}" for x in SITUATIONS)
-
-
-def _commanded(voltage_V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the most that terminals which follow have in each row."""
-    earlier = np.concatenate([[0.0], voltage_V[:-1]])
-    return np.minimum(voltage_V, earlier), np.maximum(voltage_V, earlier)
 
 
 @pytest.mark.parametrize("number", range(len(NAMES)), ids=NAMES)
@@ -242,18 +237,15 @@ def test_the_instruments_show_what_they_can_and_nothing_else(number: int) -> Non
     case = witnessed_case(number, 3)
     record = case.record
     assert record.temperature_C is not None
-    tenth = len(record) // 10
-    warmed_K = abs(np.mean(record.temperature_C[-tenth:]) - np.mean(record.temperature_C[:tenth]))
-    assert (warmed_K > 0.01) == (case.shown_by == "thermometer")
+    assert (_warmed_K(record.temperature_C) > 0.01) == (case.shown_by == "thermometer")
     assert (record.current_A is not None) == (case.shown_by == "ammeter")
     if record.supply_voltage_V is None:
         assert case.shown_by == "ammeter"
         return
-    low, high = _commanded(record.voltage_V)
     # gain, offset, noise and resolution of the meter
     error_V = 0.06 + 0.005 * record.voltage_V.max() + 5.0 * 0.02 + 0.01
-    off = np.maximum(low - record.supply_voltage_V, record.supply_voltage_V - high)
-    assert (np.max(off[1:]) > error_V) == (case.shown_by == "voltmeter")
+    off_V = _off(record.voltage_V, record.supply_voltage_V)
+    assert (np.max(off_V[1:]) > error_V) == (case.shown_by == "voltmeter")
 
 
 def test_the_terminals_of_a_supply_that_slews_climb_in_a_straight_line() -> None:

@@ -46,10 +46,11 @@ NEUTRAL: dict[str, dict[str, float]] = {
 NEUTRAL_FORMS = {"rate_independent_hysteresis": "dahl"}
 
 
-def commands() -> Commands:
-    rng = np.random.default_rng(0)
+def answer(*hidden: Hidden) -> np.ndarray:
+    """The readings of the nominal bench with what is hidden in it, to the same commands."""
     time_s = np.arange(60) / 30.0
-    return Commands(time_s, time_s, rng.uniform(0.0, 50.0, 60))
+    volts = np.random.default_rng(0).uniform(0.0, 50.0, 60)
+    return readings_um(Commands(time_s, time_s, volts), hidden)
 
 
 def test_every_effect_of_the_contract_has_two_forms_and_a_sensor():
@@ -63,7 +64,7 @@ def test_every_effect_of_the_contract_has_two_forms_and_a_sensor():
 def test_nothing_of_an_effect_is_the_nominal_bench_to_the_bit(name: str):
     form = NEUTRAL_FORMS.get(name, INSIDE[name].forms[0])
     hidden = Hidden(name, form, 0.0, tuple(NEUTRAL[name].items()))
-    np.testing.assert_array_equal(readings_um(commands(), (hidden,)), readings_um(commands()))
+    np.testing.assert_array_equal(answer(hidden), answer())
 
 
 @pytest.mark.parametrize(
@@ -80,7 +81,7 @@ def test_nothing_of_an_effect_is_the_nominal_bench_to_the_bit(name: str):
 )
 def test_next_to_nothing_of_an_effect_is_next_to_the_nominal_bench(name: str, form: str, parameters: dict[str, float]):
     hidden = Hidden(name, form, 0.0, tuple(parameters.items()))
-    np.testing.assert_allclose(readings_um(commands(), (hidden,)), readings_um(commands()), atol=1e-5, rtol=0)
+    np.testing.assert_allclose(answer(hidden), answer(), atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize(
@@ -93,9 +94,8 @@ def test_next_to_nothing_of_an_effect_is_next_to_the_nominal_bench(name: str, fo
     ],
 )
 def test_half_a_small_lag_leaves_half_the_residual(name: str, form: str, parameters: dict[str, float], small: str):
-    nominal = readings_um(commands())
     whole, half = (
-        readings_um(commands(), (Hidden(name, form, 0.0, tuple((parameters | {small: value}).items())),)) - nominal
+        answer(Hidden(name, form, 0.0, tuple((parameters | {small: value}).items()))) - answer()
         for value in (2e-5, 1e-5)
     )
     assert np.max(np.abs(whole)) > 0.01

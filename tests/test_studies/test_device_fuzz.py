@@ -23,6 +23,14 @@ from bender_studies.device_fuzz.campaign import Tried, try_device
 DEVICES = (502, 504)
 
 
+def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    """Let a script stand in for `bender` in processes of their own."""
+    (folder / "bender_cli").mkdir()
+    (folder / "bender_cli" / "__init__.py").touch()
+    (folder / "bender_cli" / "__main__.py").write_text(script)
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+
+
 @pytest.mark.slow
 def test_devices_that_are_drawn_come_to_an_end_without_noise_or_a_false_name():
     """`bender benchmark fuzz --devices N` tries as many as one likes."""
@@ -48,10 +56,7 @@ def test_devices_that_are_drawn_come_to_an_end_without_noise_or_a_false_name():
 def test_what_a_device_brings_to_light_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, what: str
 ):
-    (tmp_path / "bender_cli").mkdir()
-    (tmp_path / "bender_cli" / "__init__.py").touch()
-    (tmp_path / "bender_cli" / "__main__.py").write_text(script)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    stand_in(tmp_path, monkeypatch, script)
     tried = try_device(draw(504), 2.0)
     assert getattr(tried, what)
     assert tried.complaints
@@ -70,16 +75,14 @@ def test_a_certain_name_that_is_not_in_the_device_and_a_model_that_is_worse_are_
     gain = lag.device.gain * lag.habits.scale
     first, corrected = (tomli_w.dumps(Structure().model([], gain * x).to_table()) for x in (1.0, factor))
     told = {"verdict": "named", "effects": [{"id": x, "grade": y} for x, y in GRADES.items()]}
-    (tmp_path / "bender_cli").mkdir()
-    (tmp_path / "bender_cli" / "__init__.py").touch()
-    (tmp_path / "bender_cli" / "__main__.py").write_text(
+    script = (
         "import pathlib, sys\n"
         f"pathlib.Path('first.toml').write_text({first!r})\n"
         "pathlib.Path('out').mkdir(exist_ok=True)\n"
         f"pathlib.Path('out/model.toml').write_text({corrected!r})\n"
         f"print({json.dumps(told)!r} if 'diagnose' in sys.argv else '{{}}')\n"
     )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    stand_in(tmp_path, monkeypatch, script)
     tried = try_device(lag, 60.0)
     assert tried.outcome == "named"
     assert tried.certain == ["creep", "sensor_lag"]

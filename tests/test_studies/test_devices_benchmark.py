@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,18 +22,24 @@ def write_lag(path: Path, seed: int, rows: int, low: float = -10.0, high: float 
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def benchmarked(device: Device, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return what the command finds of a device whose records are in a folder."""
+    monkeypatch.setattr(devices, "DEVICES", (device,))
+    assert main(["benchmark", "devices", "--data", str(folder), "--out", str(folder / "out")]) == 0
+    assert (folder / "out" / device.name / "diagnosis.json").is_file()
+    (found,) = json.loads((folder / "out" / "devices.json").read_text(encoding="utf-8"))
+    return found
+
+
 @pytest.mark.slow
 def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     write_lag(tmp_path / "one.csv", 1, 800, -4.0, 6.0)
     write_lag(tmp_path / "other.csv", 2, 800, -4.0, 6.0)
     device = Device("clipped", "one.csv", "bar", frozenset({"saturation"}), frozenset({"creep"}), "other.csv")
-    monkeypatch.setattr(devices, "DEVICES", (device,))
-    assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
-    (found,) = json.loads((tmp_path / "out" / "devices.json").read_text(encoding="utf-8"))
+    found = benchmarked(device, tmp_path, monkeypatch)
     assert found["is_right"]
     assert not found["is_wrong"]
     assert found["second_after"] < 0.5 * found["second_before"]
-    assert (tmp_path / "out" / "clipped" / "diagnosis.json").is_file()
 
 
 def test_nothing_is_said_of_a_linear_device_and_its_second_record_is_met(
@@ -41,13 +48,10 @@ def test_nothing_is_said_of_a_linear_device_and_its_second_record_is_met(
     write_lag(tmp_path / "one.csv", 1, 300)
     write_lag(tmp_path / "other.csv", 2, 300)
     device = Device("lag", "one.csv", "bar", frozenset(), frozenset({"creep"}), "other.csv")
-    monkeypatch.setattr(devices, "DEVICES", (device,))
-    assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
-    (found,) = json.loads((tmp_path / "out" / "devices.json").read_text(encoding="utf-8"))
+    found = benchmarked(device, tmp_path, monkeypatch)
     assert found["verdict"] == "no_gap"
     assert not found["certain"]
     assert found["second_after"] < 1.3 * 0.02
-    assert (tmp_path / "out" / "lag" / "diagnosis.json").is_file()
 
 
 @pytest.mark.slow

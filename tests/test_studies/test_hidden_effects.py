@@ -18,6 +18,7 @@ from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged, centr
 from bender_studies.hidden_effects.outputs import to_json
 from bender_studies.hidden_effects.trial import CENTRAL, Answer, Trial, answer
 
+MANY = ("creep", "ageing", "thermal_drift", "charge_leakage", "sensor_lag", "source_resistance")
 GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
 
 
@@ -56,15 +57,13 @@ def judged(kind: str, truth: tuple[str, ...], verdict: str, named: tuple[str, ..
         (judged("weak", ("creep",), "ambiguous", ("creep",)), True),
         (judged("weak", ("creep",), "ambiguous", ("ageing",)), False),
         (judged("weak", ("creep",), "named", ("creep",)), False),
+        (judged("weak", ("ageing",), "", answer=Answer("a", "ambiguous", ("creep",), ("ageing",))), True),
+        (judged("weak", ("creep",), "", answer=Answer("a", "ambiguous", MANY[:1], MANY[1:MOST_CANDIDATES])), True),
+        (judged("weak", ("creep",), "", answer=Answer("a", "ambiguous", MANY[:1], MANY[1:])), False),
     ],
 )
 def test_what_is_right(case: Judged, right: bool) -> None:
     assert case.is_right == right
-
-
-def test_a_rival_of_an_ambiguous_answer_counts() -> None:
-    answer = Answer("case-0", "ambiguous", ("sensor_lag",), ("source_resistance",))
-    assert judged("weak", ("source_resistance",), "", answer=answer).is_right
 
 
 def test_a_part_that_is_certain_beside_open_effects_counts_where_it_is_true() -> None:
@@ -116,12 +115,9 @@ def test_the_record_that_an_open_answer_asks_for_is_judged_beside_the_first() ->
     assert told_of["right_after"] is True
 
 
-def test_a_list_of_everything_is_no_answer() -> None:
-    names = ("creep", "ageing", "thermal_drift", "charge_leakage", "sensor_lag", "source_resistance")
-    few, many = (Answer("case-0", "ambiguous", names[:1], names[1:count]) for count in (MOST_CANDIDATES, 6))
-    assert judged("weak", ("creep",), "", answer=few).is_right
-    assert not judged("weak", ("creep",), "", answer=many).is_right
-    assert candidates_of([judged("weak", ("creep",), "", answer=x) for x in (few, many)]) == (5.5, 6)
+def test_candidates_are_all_names_of_an_ambiguous_answer() -> None:
+    answers = (Answer("case-0", "ambiguous", MANY[:1], MANY[1:count]) for count in (5, 6))
+    assert candidates_of([judged("weak", ("creep",), "", answer=x) for x in answers]) == (5.5, 6)
 
 
 def test_what_is_left_is_what_the_judge_measures() -> None:

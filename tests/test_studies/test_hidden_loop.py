@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from integral_controller import Integral
 
 from bender_loop.control.references import Sine, Step
 from bender_loop.fmu.plant import FmuPlant
@@ -20,28 +20,8 @@ from bender_studies.control.hidden_loop import AGREE_V, WINDOW_ROWS, run_hidden
 RATE_HZ, SETPOINT_UM = 30.0, 10.0
 
 
-@dataclass(frozen=True)
-class Integral:
-    """A controller that integrates, and forgets nothing."""
-
-    gain_V_per_um: float
-
-    def rest(self) -> float:
-        return 0.0
-
-    def step(self, state: float, time_s: float, reading_um: float) -> tuple[float, float]:
-        after = min(max(state + self.gain_V_per_um * (SETPOINT_UM - reading_um), 0.0), 50.0)
-        return after, after
-
-
-@dataclass(frozen=True)
-class Scan(Integral):
-    """One that integrates towards a set-point that swings."""
-
-    def step(self, state: float, time_s: float, reading_um: float) -> tuple[float, float]:
-        aim_um = SETPOINT_UM * (1.0 - np.cos(2.0 * np.pi * 0.3 * time_s)) / 2.0
-        after = min(max(state + self.gain_V_per_um * (aim_um - reading_um), 0.0), 50.0)
-        return after, after
+def swinging_um(time_s: float) -> float:
+    return SETPOINT_UM * (1.0 - np.cos(2.0 * np.pi * 0.3 * time_s)) / 2.0
 
 
 @contextmanager
@@ -85,7 +65,7 @@ def test_a_model_with_the_play_of_the_bench_takes_few_rounds(monkeypatch: pytest
     def rounds(of: Case, half_um: float) -> int:
         asked.clear()
         with model(half_um) as like:
-            run_hidden(of, Scan(0.08), Sine(5.0, 0.3, 5.0), RATE_HZ, 5.0, 3, like)
+            run_hidden(of, Integral(0.08, swinging_um), Sine(5.0, 0.3, 5.0), RATE_HZ, 5.0, 3, like)
         return len(asked)
 
     monkeypatch.setattr(hidden_loop, "Bench", Counted)

@@ -29,34 +29,40 @@ def told(
     return StatedInterval(1, "case", effect, truth, rate_Hz, "named", found, deviation)
 
 
+def hum(found: float, truth: float = 7.0, rate_Hz: float = 30.0, **more: object) -> StatedInterval:
+    stated = told(found, 0.1, "periodic_disturbance", truth, rate_Hz)
+    return replace(stated, **more)  # pyright: ignore[reportArgumentType]
+
+
+ONE_SIDED = replace(told(2.0, 0.1), interval=(1.9, 2.6))
+
+
+@pytest.mark.parametrize(
+    ("stated", "covers"),
+    [
+        pytest.param(told(2.19, 0.1), True, id="1.9 deviations"),
+        pytest.param(told(2.20, 0.1), False, id="2 deviations"),
+        pytest.param(told(2.0, math.inf), False, id="no deviation"),
+        pytest.param(replace(ONE_SIDED, truth=2.5), True, id="further to one side"),
+        pytest.param(replace(ONE_SIDED, truth=2.65), False, id="beyond that side"),
+        pytest.param(replace(ONE_SIDED, truth=1.85), False, id="beyond the other side"),
+        pytest.param(told(2.0 + 1e-12, 0.0), True, id="a step that all readings lie on is exact"),
+        pytest.param(told(2.0 + 1e-6, 0.0), False, id="or wrong"),
+        pytest.param(hum(97.0), True, id="the image of a frequency in even rows"),
+        pytest.param(hum(23.0), True, id="another image"),
+        pytest.param(hum(97.0, rate_Hz=0.0), False, id="no image in uneven rows"),
+        pytest.param(hum(97.0, interval=(96.9, 97.3)), True, id="an image in a one-sided interval"),
+        pytest.param(hum(97.0, 7.2, interval=(96.9, 97.3)), True, id="an image further to one side"),
+        pytest.param(hum(97.0, 7.4, interval=(96.9, 97.3)), False, id="an image beyond that side"),
+    ],
+)
+def test_an_interval_covers_what_lies_in_it(stated: StatedInterval, covers: bool) -> None:
+    assert stated.covers is covers
+
+
 def test_an_interval_of_95_percent_is_1_96_deviations_wide() -> None:
     assert pytest.approx(1.96, abs=1e-3) == DEVIATIONS
-    assert told(2.19, 0.1).covers
-    assert not told(2.20, 0.1).covers
     assert not told(math.nan, 0.1).has_interval
-    assert not told(2.0, math.inf).covers
-
-
-def test_a_stated_interval_may_reach_further_to_one_side() -> None:
-    wide_above = replace(told(2.0, 0.1, truth=2.5), interval=(1.9, 2.6))
-    assert wide_above.covers
-    assert not replace(wide_above, truth=2.65).covers
-    assert not replace(wide_above, truth=1.85).covers
-    hum = replace(told(97.0, 0.1, "periodic_disturbance", truth=7.0, rate_Hz=30.0), interval=(96.9, 97.3))
-    assert hum.covers
-    assert replace(hum, truth=7.2).covers
-    assert not replace(hum, truth=7.4).covers
-
-
-def test_a_step_that_all_readings_lie_on_is_exact_or_wrong() -> None:
-    assert told(2.0 + 1e-12, 0.0).covers
-    assert not told(2.0 + 1e-6, 0.0).covers
-
-
-def test_a_frequency_counts_as_its_image_in_even_rows() -> None:
-    assert told(97.0, 0.1, "periodic_disturbance", truth=7.0, rate_Hz=30.0).covers
-    assert told(23.0, 0.1, "periodic_disturbance", truth=7.0, rate_Hz=30.0).covers
-    assert not told(97.0, 0.1, "periodic_disturbance", truth=7.0).covers
 
 
 def test_only_told_numbers_are_shared_out() -> None:

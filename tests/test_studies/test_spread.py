@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 import pytest
+from integral_controller import Integral
 
 from bender_loop.control.references import Step
 from bender_loop.fmu.plant import FmuPlant
@@ -20,20 +21,6 @@ from bender_studies.control.spread import GAIN, RESONANCE, Late, is_unstable, of
 from bender_studies.control.trial import loop_percent, reach
 
 RATE_HZ = 30.0
-
-
-@dataclass(frozen=True)
-class Integral:
-    """A controller that integrates, between 0 and 50 V; one of negative gain runs away from the set-point."""
-
-    gain_V_per_um: float
-
-    def rest(self) -> float:
-        return 0.0
-
-    def step(self, state: float, time_s: float, reading_um: float) -> tuple[float, float]:
-        after = min(max(state + self.gain_V_per_um * (10.0 - reading_um), 0.0), 50.0)
-        return after, after
 
 
 @pytest.fixture(scope="module")

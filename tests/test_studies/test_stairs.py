@@ -1,12 +1,12 @@
 """What stairs cost at least: behind a dead time, and with the command that goes as far as it may."""
 
 from contextlib import closing
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from integral_controller import Integral
 
 from bender_loop.control.references import Profile
 from bender_loop.fmu.plant import FmuPlant
@@ -14,25 +14,9 @@ from bender_loop.records.record import Record
 from bender_native.ready import ready_plant_fmu
 from bender_proving import make_case
 from bender_studies.control.hidden_loop import rms_um, run_hidden
-from bender_studies.control.trial import RATE_HZ, SLEW_V_PER_S, VOLTS, dead_time_um, least_um
+from bender_studies.control.trial import RATE_HZ, SLEW_V_PER_S, dead_time_um, least_um
 
 STAIRS, LENGTH_S = Profile((0.0, 0.5, 2.0), (0.0, 10.0, 5.0)), 3.5
-
-
-@dataclass(frozen=True)
-class Bounded:
-    """An integral that keeps to limits and slew of the command."""
-
-    gain_V_per_um: float
-
-    def rest(self) -> float:
-        return 0.0
-
-    def step(self, state: float, time_s: float, reading_um: float) -> tuple[float, float]:
-        change_V = SLEW_V_PER_S / RATE_HZ
-        wanted_V = state + self.gain_V_per_um * (STAIRS.value(time_s) - reading_um)
-        after = min(max(wanted_V, state - change_V, VOLTS[0]), state + change_V, VOLTS[1])
-        return after, after
 
 
 @pytest.mark.slow
@@ -41,7 +25,9 @@ class Bounded:
 def test_no_controller_goes_below_what_a_bench_costs_at_least(gain_V_per_um: float, hidden: str):
     case = make_case("single", (hidden,), 4, sensor="camera")
     with closing(FmuPlant(ready_plant_fmu("paper"))) as like:
-        run = run_hidden(case, Bounded(gain_V_per_um), STAIRS, RATE_HZ, LENGTH_S, None, like)
+        run = run_hidden(
+            case, Integral(gain_V_per_um, STAIRS.value, SLEW_V_PER_S / RATE_HZ), STAIRS, RATE_HZ, LENGTH_S, None, like
+        )
     assert 0.0 < least_um(case, STAIRS, run) <= rms_um(run) * (1.0 + 1e-9)
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import fmpy
 import pytest
+from fmu_hosts import assert_follows_its_schemas
 from following_controllers import Made, followed, late, tuned_on
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from bender_cli.main import main
 from bender_export.archive import packed, unpacked
@@ -18,8 +18,6 @@ from bender_loop.control.pid import Limits
 from bender_loop.errors import InputError
 from bender_plant.model import load_model
 from bender_tuner.results.gains_file import write_gains
-
-SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 
 
 @pytest.fixture
@@ -55,13 +53,8 @@ def test_the_model_is_that_of_the_fmu_and_goes_along(following_late: Made) -> No
 
 
 def test_the_archive_of_the_loop_follows_its_schemas(following_late: Made) -> None:
+    assert_follows_its_schemas(following_late.loop)
     entries = unpacked(following_late.loop)
-    for ending, schema in ((".ssd", "Description"), (".ssv", "ParameterValues")):
-        rules = etree.XMLSchema(etree.parse(SCHEMAS / f"SystemStructure{schema}.xsd"))
-        texts = [data for name, data in entries.items() if name.endswith(ending)]
-        assert len(texts) == 2
-        for text in texts:
-            rules.assertValid(etree.fromstring(text))
     structure = entries["SystemStructure.ssd"].decode()
     assert f'source="resources/{FOLLOWING_FMU}"' in structure
     assert 'startElement="plant" startConnector="tip_displacement"' in structure
