@@ -27,8 +27,7 @@ from bender_plant.blocks import BLOCKS
 from bender_plant.model import BUILT_IN, BlockSettings, Model, load_model
 
 HERE = Path(__file__).parent
-STAIRS = [(12.0 * (k // 6 % 4), 0.003 + 0.0071 * (k * k % 4)) for k in range(48)]
-"""Held levels, read after steps of uneven lengths."""
+STAIRS = [(12.0 * (k // 6 % 4), 0.012) for k in range(48)]
 InChild = Callable[[Sequence[Path], Sequence[tuple[float, float]]], list[list[list[float]]]]
 
 
@@ -140,6 +139,7 @@ def test_a_repacked_fmu_is_the_same(fmus: Fmus) -> None:
 
 STEP_S = 0.01
 SCENARIOS = {"step": [10.0] * 120, "staircase": [10.0 * (k // 20 % 6) for k in range(240)]}
+UNEVEN = [(20.0 * (k % 3), 0.003 + 0.0071 * (k * k % 11)) for k in range(80)]
 
 
 @pytest.mark.parametrize("script", IMPORTERS)
@@ -152,3 +152,8 @@ def test_every_importer_gives_the_numbers_of_fmpy(
     found = hosted(script, {"fmu": str(plant_fmu), "voltages": voltages, "step_s": STEP_S}, tmp_path)
     assert largest_difference(found, [outputs[0] for outputs in expected]) <= WITHIN_M
     assert max(found) > 1e-6
+
+
+def test_a_record_with_uneven_steps_through_fmpy(plant_fmu: Path, in_child: InChild) -> None:
+    (found,) = in_child([plant_fmu], UNEVEN)
+    assert largest_difference(found, kernel_outputs_m(load_model("paper"), UNEVEN)) <= WITHIN_M
