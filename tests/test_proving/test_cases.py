@@ -1,14 +1,10 @@
 """The catalogue of cases and what it refuses."""
 
 from few import few
-import ast
 import math
-import sys
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
-import bender_proving
 import numpy as np
 import pytest
 from bender_proving import cases, INSIDE, NOISE_UM, OUTSIDE, Bench, Case, DrawError, Hidden, make_case, strength
@@ -115,18 +111,6 @@ def test_wrong_arguments_are_named(arguments: tuple, message: str):
 def test_wrong_cases_are_named(change: dict, field: str):
     with pytest.raises(ValueError, match=field):
         replace(Case("", "nothing", (), 0, "camera"), **change)
-
-
-def test_the_room_stands_alone():
-    allowed = {*sys.stdlib_module_names, "numpy", "scipy", "numba", "bender_loop", "bender_proving"}
-    imported = set()
-    for path in Path(bender_proving.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                imported |= {name.name.partition(".")[0] for name in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                imported.add((node.module or "").partition(".")[0])
-    assert imported <= allowed
 
 
 @pytest.mark.slow
