@@ -8,7 +8,7 @@ from pathlib import Path
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.run import Run, Table, version
 
-_UNQUOTED = re.compile(r"\s--(?:write-docs|out|log)(?:[= ](?!-)\S+)?|\s--(?:quiet|verbose|json)(?![-\w])")
+_UNQUOTED = re.compile(r"\s--(?:write-docs|out|log|data)(?:[= ](?!-)\S+)?|\s--(?:quiet|verbose|json)(?![-\w])")
 
 
 def write_figures(run: Run, name: str, folder: Path) -> Path:

@@ -15,7 +15,9 @@ def printed(command: str, found: float) -> Run:
 def test_a_command_line_has_one_section_and_the_others_stay(tmp_path: Path):
     for command, found in (("bender benchmark x --seeds 1", 1.5), ("bender benchmark x --write-docs", 2.5)):
         write_figures(printed(command, found), "x", tmp_path)
-    page = write_figures(printed(f"bender benchmark x --out {tmp_path} --seeds 1 --write-docs d", 3.5), "x", tmp_path)
+    page = write_figures(
+        printed(f"bender benchmark x --out {tmp_path} --seeds 1 --data {tmp_path} --write-docs d", 3.5), "x", tmp_path
+    )
     write_figures(printed("bender benchmark x --quiet-rows 5 --quiet", 4.5), "x", tmp_path)
     text = page.read_text(encoding="utf-8")
     assert "## `bender benchmark x --quiet-rows 5`" in text
