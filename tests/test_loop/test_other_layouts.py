@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 from bender_loop.tables.column_choice import usual_columns
-from bender_loop.tables.text_layout import TextLayout, cells_of, number, with_options
+from bender_loop.tables.text_layout import TextLayout, cells_of, number, unit_in_heading, with_options
 
 TIME_S = np.arange(30) * 0.05
 VOLTS = np.round(10.0 * np.sin(TIME_S), 3)
@@ -78,6 +78,14 @@ def test_a_column_of_remarks_is_a_column(tmp_path: Path, remarks: dict[int, str]
 @pytest.mark.parametrize("head", ["t / ms;U;d", "t/ms;U;d", "t_ms;U;d", "time ms;U;d", "t (msec);U;d", "t / (ms);U;d"])
 def test_a_unit_in_a_heading_counts_however_it_is_written(written, head: str):
     np.testing.assert_allclose(read_record(written(head + "\n0;0;0\n50;1,5;0,25\n")).time_s, [0.0, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("speed_rad/s", "rad/s"), ("flow l/min", "l/min"), ("v / mm", "mm"), ("up/down", ""), ("t_x/ms", "ms")],
+)
+def test_a_quotient_of_units_is_one_unit(name: str, unit: str):
+    assert unit_in_heading(name) == unit
 
 
 @pytest.mark.parametrize(

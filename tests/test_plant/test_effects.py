@@ -232,3 +232,11 @@ def test_backlash_loses_twice_its_half_width_at_a_reversal() -> None:
 def test_a_spring_that_gives_way_is_an_error_not_a_number() -> None:
     with pytest.raises(ArithmeticError, match="ran away"):
         run_plant(PAPER.with_block("stiffening", cubic_1_per_um2=-0.01), np.full(20, 50.0), 0.05)
+
+
+def test_a_lagging_counter_averages_the_size_of_a_speed_not_the_speed() -> None:
+    folded = load_model("beam").with_block("fold", share=1.0, centre_um=0.0, rounding_um=0.0)
+    there_and_back = np.resize([20.0, -20.0], 400)
+    plain = run_plant(folded, there_and_back, 0.05)
+    lagging = run_plant(folded.with_block("sensor_lag", time_constant_s=1.0), there_and_back, 0.05)
+    assert float(np.min(lagging[-100:])) > 0.5 * float(np.mean(plain[-100:])) > 1.0

@@ -27,6 +27,7 @@ LEAST_NUMERIC = 0.6
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?")
 _BRACKETED = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _SLASHED = re.compile(r"(?:.*\S\s+/\s+|[^\s/]+/)(\S+)")
+_QUOTIENT = re.compile(r".*[_ ]([^\s_/]+/[^\s_/]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,11 +220,17 @@ def _end_of_line(text: str, lines: int) -> int:
 
 
 def unit_in_heading(name: str) -> str:
-    """Return the unit in a column's name: in brackets at its end, or behind a slash (`t / ms`); "" without one."""
+    """Return the unit in a column's name; "" without one.
+
+    In brackets at its end, a quotient behind it (`speed_rad/s`), or behind a slash (`t / ms`).
+    """
     if in_brackets := _in_brackets(name):
         return in_brackets
-    slash = _SLASHED.fullmatch(name.strip())
-    return slash.group(1) if slash and is_known(slash.group(1)) else ""
+    for form in (_QUOTIENT, _SLASHED):
+        told = form.fullmatch(name.strip())
+        if told and is_known(told.group(1)):
+            return told.group(1)
+    return ""
 
 
 def _in_brackets(name: str) -> str:

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from bender_proving.machines.machine import Array, Machine, Respond, State, about, column, integrated
 
 PLAYS = frozenset({"backlash", "rate_independent_hysteresis", "hysteretic_spring", "presliding_friction"})
-FRICTION = PLAYS | {"coulomb_friction", "dead_zone", "asymmetric_dead_zone", "output_dead_zone"}
+FRICTION = PLAYS | {"bearing_friction", "coulomb_friction", "dead_zone", "asymmetric_dead_zone", "output_dead_zone"}
 
 
 def motor(rng: Generator) -> Respond:

@@ -23,6 +23,7 @@ EFFECT = Effect(
         "backlash": "Follows every reversal; the dead zone stays at zero volts.",
         "rate_independent_hysteresis": "A loss on one branch only is the material's.",
         "electrostriction": "A smooth curve without a kink.",
+        "bearing_friction": "The same steady speeds; without drive, friction stops what a dead zone lets fade.",
         "sensor_quantisation": "A missing start one step of the readings high, repeated all over the stroke.",
     },
     separation="It sits at one voltage, in both directions; backlash follows every reversal wherever that is.",

@@ -1,0 +1,54 @@
+"""Dry friction of a speed: the drive has to exceed it before anything turns, and what turns comes to rest."""
+
+from dataclasses import asdict
+
+from bender_discrepancy.effects.effect import OTHER_RIGS, UNSEEN_OF_A_ROW, Effect, Sizes
+from bender_discrepancy.effects.form import Form, Values, scale
+from bender_plant.blocks import plant_lag
+from bender_plant.model import Model, ModelError
+
+COVERED = {"friction_um": (0.3, 11.5)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    # a fit that frees the lag goes no further down than that
+    unseen_s = 0.99 * UNSEEN_OF_A_ROW * sizes.row_s
+
+    def apply(model: Model, values: Values) -> Model:
+        """Take over the first lag of the plant, whose number stays free beside the friction."""
+        lag = next((x.parameters for x in model.blocks if x.id == plant_lag.ID), None)
+        if not isinstance(lag, plant_lag.Parameters) or lag.time_constant_s <= unseen_s:
+            raise ModelError("bearing_friction: found a model without a lag that rows show, expected one of a speed")
+        rest = asdict(lag) | {"time_constant_s": lag.second_time_constant_s, "second_time_constant_s": 0.0}
+        model = model.with_block(plant_lag.ID, **rest)
+        return model.with_block("bearing_friction", time_constant_s=lag.time_constant_s, friction_um=values[0])
+
+    force = sizes.sized(scale("friction_um", *COVERED["friction_um"], 6, 0.0), COVERED["friction_um"], "um")
+    return (Form("bearing_friction", "dry friction of a speed", (force,), apply, memory=True),)
+
+
+EFFECT = Effect(
+    id="bearing_friction",
+    summary="dry friction of something whose speed is read: motors, pulleys, belts",
+    signature=(
+        "Nothing turns before the drive exceeds the friction; beyond that the speed grows with the drive. Without "
+        "drive it falls along a curve that ends at rest, sooner than a lag would."
+    ),
+    resembles={
+        "dead_zone": "The same steady speeds; but without drive the speed fades and never ends.",
+        "asymmetric_dead_zone": "The same, with two sides; what turns is not braked.",
+        "presliding_friction": "A force that is read, over a velocity that is commanded.",
+        "coulomb_friction": "Friction on a place with a spring: it rests off its end.",
+        "quadratic_drag": "Brakes fast motion, and leaves slow motion alone.",
+    },
+    separation="Cut the drive at speed: friction ends the motion along a straight stretch, a dead zone lets it fade.",
+    excitation="steps of several heights both ways, each followed by none until it rests",
+    typical={"friction_um": (0.0, 11.5, "up to half of the speed at full drive, in small motors")},
+    covered=COVERED,
+    relative=True,
+    rigs=OTHER_RIGS,
+    drive="bipolar_triangle",
+    view="voltage",
+    example={"time_constant_s": 0.2, "friction_um": 4.0},
+    forms=_forms,
+)

@@ -1,0 +1,107 @@
+"""Dry friction of something whose speed is read: a lag that a constant force holds back, and that comes to rest.
+
+    tau y' = w - y - f sign(y) in motion;    y = 0 at rest, for as long as |w| <= f
+
+The speed of a motor, a pulley or a belt: tau and the gain come from inertia and viscous friction, f is the dry friction
+of the bearings over the viscous one, in the unit of the speed. tau = 0 is none; f = 0 is a plain lag. (Coulomb's law;
+Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994, doi:10.1016/0005-1098(94)90209-7.)
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bender_plant.kernels.first_order_lag import lag_step
+from bender_plant.parabola import INSTANT, first_crossing
+from bender_plant.parameter import check, parameter
+
+if TYPE_CHECKING:
+    from bender_plant.composite_beam import CompositeBeam
+
+ID = "bearing_friction"
+STAGE = "structure"
+TITLE = "Dry friction of a speed"
+MEMORY = True
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Neutral with no time constant."""
+
+    time_constant_s: float = parameter(
+        0.0, unit="s", low=0.0, high=1e6, text="tau, inertia over viscous friction, 0 for none", tunable=True
+    )
+    friction_um: float = parameter(
+        0.0, unit="um", low=0.0, text="f, dry friction over the viscous one, in the unit of the reading", tunable=True
+    )
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (tau in s, f in um)."""
+    del beam
+    return settings.time_constant_s, settings.friction_um
+
+
+def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
+    """Return (y,) at rest."""
+    del constants
+    return (0.0,)
+
+
+def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
+    """Return the first sub-step after a jump, and the longest: where the motion turns it bends without a jump."""
+    del beam
+    tau = settings.time_constant_s
+    return (0.05 * tau, 0.1 * tau) if tau > 0.0 else (math.inf, math.inf)
+
+
+def held_back(y: float, tau: float, f: float, h: float, wm: float) -> tuple[float, bool]:
+    """Return the friction over a sub-step in which neither motion nor rest ends, and whether it sets out from rest.
+
+    What is stopped within an instant is at rest.
+    """
+    if abs(y) > 2.0 * INSTANT * (f + abs(wm)) * h / tau:
+        return math.copysign(f, y), False
+    return math.copysign(f, wm) if abs(wm) > f else 0.0, True
+
+
+def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, w0: float, wm: float, w1: float) -> float:
+    """Return the fraction of the sub-step at which the motion comes to rest or begins, 1 for none."""
+    tau, f = constants
+    y = state[0]
+    if tau == 0.0 or f == 0.0:
+        return 1.0
+    force, rests = held_back(y, tau, f, h, wm)
+    if rests:
+        begins = min(first_crossing(w0, wm, w1, f), first_crossing(w0, wm, w1, -f))
+        if begins < 1.0 or force == 0.0:
+            return begins
+        y = 0.0
+    middle, end = lag_step(y, tau, h, w0 - force, wm - force, w1 - force)
+    return first_crossing(y, middle, end, 0.0)
+
+
+def step(
+    state: tuple[float, ...], constants: tuple[float, ...], time_s: float, h: float, w0: float, wm: float, w1: float
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Follow with the friction against the motion, or stay at rest."""
+    del time_s
+    tau, f = constants
+    if tau == 0.0:
+        return (w1,), w0, wm, w1
+    y = state[0]
+    if f == 0.0:
+        middle, end = lag_step(y, tau, h, w0, wm, w1)
+        return (end,), y, middle, end
+    force, rests = held_back(y, tau, f, h, wm)
+    if force == 0.0:
+        return (0.0,), 0.0, 0.0, 0.0
+    y = 0.0 if rests else y
+    middle, end = lag_step(y, tau, h, w0 - force, wm - force, w1 - force)
+    # the ends of a motion are those of a sub-step: beyond them there is rounding
+    middle = middle if middle * force > 0.0 else 0.0
+    end = end if end * force > 0.0 else 0.0
+    return (end,), y, middle, end
