@@ -3,8 +3,9 @@
 from dataclasses import dataclass, replace
 
 from bender_discrepancy.conclusion.contenders import MOST_REPORTED
-from bender_discrepancy.conclusion.findings import Findings
+from bender_discrepancy.conclusion.findings import Findings, moved_gain
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
+from bender_discrepancy.conclusion.measurement.reading_units import in_reading_units
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_export.build import plant_fmu
 from bender_plant.model import Model, ModelError
@@ -84,5 +85,7 @@ def _device(findings: Findings, fitted: Fitted) -> Model | None:
         return None
     if given.valid:
         model = straight_beyond(model, kept.hypothesis.effects, given.valid, findings.search.whole)
+    if findings.of_a_device:
+        model = in_reading_units(model, moved_gain(findings.search, fitted))
     said = f"a model with {listed(kept.hypothesis.effects) or 'no effect'}, which the records do not rule out"
     return replace(model, description=f"{said} beside that in model.toml", valid=given.valid)

@@ -185,7 +185,7 @@ def conclude(
             f"less than {least:.0f} %",
             gap.closed[0],
         )
-        findings = with_origin(find(found).closing(gap), names)
+        findings = with_origin(find(found, of_a_device=findings.of_a_device).closing(gap), names)
     following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
     lead = None
     if findings.verdict == "unexplained":
@@ -211,7 +211,7 @@ def next_best(
     """
     refuted = listed(found.best.hypothesis.effects) or "other numbers"
     for other in found.next_best():
-        _, gap, content = measured(other)
+        kept, gap, content = measured(other)
         share, error = gap.closed
         if gap.is_worse or not share > HALF_WIDTH * error:
             continue
@@ -222,7 +222,8 @@ def next_best(
         if other.verdict.word == "ambiguous":
             reason = f"{reason}; {other.verdict.reason}"
         lowered = other.without_certainty(reason, share, complete=other.grades.complete)
-        return lowered, (with_origin(find(lowered).closing(gap), names), gap, content)
+        again = find(lowered, of_a_device=kept.of_a_device)
+        return lowered, (with_origin(again.closing(gap), names), gap, content)
     nothing = found.without_effects(why)
     return nothing, measured(nothing)
 
@@ -236,7 +237,7 @@ def measured_through_fmu(
         RunError: the FMU could not be driven.
     """
     tell("weighing the evidence")
-    findings = with_origin(find(found), names)
+    findings = with_origin(find(found, of_a_device=box is None), names)
     if box is not None and box.measured is not None:
         tell("driving the corrected FMU")
         measured, content = box.measured(found, findings)

@@ -10,7 +10,8 @@ from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
+from bender_discrepancy.conclusion.measurement.reading_units import gain_of_the_device, in_reading_units
+from bender_discrepancy.conclusion.numbers import MovedGain, Span, form_of, number, numbers
 from bender_discrepancy.conclusion.shares import shares_of_gap, split
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.rigs import is_piezo_bender
@@ -25,7 +26,7 @@ from bender_discrepancy.search.judgement.grades import Doubt, Grade
 from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
-from bender_plant.model import Model
+from bender_plant.model import Model, ModelError
 from bender_plant.valid_range import ValidRange
 from bender_report.number import Number
 from bender_report.wording import HALF_WIDTH
@@ -141,6 +142,7 @@ class Findings:
             records differ in their surroundings, else the first.
         shares: of the gap, by what the corrected model has: effects, and the keys of `shares` beside them.
         changed: every number of the model itself that is another one in the corrected model, significant or not.
+        of_a_device: a gain that was found stands before the effects, as one of the device.
     """
 
     search: SearchResult
@@ -156,6 +158,7 @@ class Findings:
     of_record: int = 0
     shares: Mapping[str, float] = field(default_factory=dict)
     changed: tuple[RecalibratedNumber, ...] = ()
+    of_a_device: bool = False
 
     @property
     def added(self) -> tuple[ReportedEffect, ...]:
@@ -237,9 +240,15 @@ def span_of(search: SearchResult) -> Span:
     return Span(volts, microns, is_piezo_bender(search.base))
 
 
-def find(search: SearchResult) -> Findings:
-    """Return what is told of a diagnosis."""
+def find(search: SearchResult, *, of_a_device: bool = False) -> Findings:
+    """Return what is told of a diagnosis.
+
+    Args:
+        search: what it is told of.
+        of_a_device: a gain that was found belongs to the device, not to a ruler or to a box around which effects stand.
+    """
     span, record = span_of(search), reference_record(search)
+    of_a_device = of_a_device and search.best.hypothesis.equation is None
     known: dict[int, tuple[FitProblem, Uncertainty]] = {}
 
     def determined(fitted: Fitted) -> tuple[FitProblem, Uncertainty]:
@@ -253,7 +262,7 @@ def find(search: SearchResult) -> Findings:
     shares = shares_of_gap(search.archive, search.found.base, search.best)
     search = search.with_doubts(_doubts(search, ends, shares))
     effects = [
-        _named(search, x, determined(x.fitted)[1], ends if x.fitted is search.best else (), span, record)
+        _named(search, x, determined(x.fitted)[1], ends if x.fitted is search.best else (), span, record, of_a_device)
         for x in contenders(search, shares)
     ]
     coarse = lattice(search)
@@ -274,10 +283,11 @@ def find(search: SearchResult) -> Findings:
         recalibrated=kept,
         calibration=calibration,
         lattice=coarse,
-        model=_model(search, calibration, kept, step),
+        model=_model(search, calibration, kept, step, of_a_device),
         of_record=record,
         shares=shares,
         changed=() if untouched else tuple(x for x in changed if x.after != x.before),
+        of_a_device=of_a_device,
     )
 
 
@@ -319,18 +329,34 @@ def _named(
     ends: Sequence[Ends | None],
     span: Span,
     record: int,
+    of_a_device: bool,
 ) -> ReportedEffect:
     hypothesis = contender.fitted.hypothesis
     # a rival may stand in another linear structure than what was found
     part, base = hypothesis.parts[contender.index], hypothesis.linear(search.base)
+    factor = moved_gain(search, contender.fitted) if of_a_device else 1.0
+    sign = math.copysign(1.0, contender.fitted.calibration.gain)
+    moved = None if factor == 1.0 else MovedGain(factor, open_.gain, sign * open_.with_gain)
     found = [
-        numbers(base, contender.fitted, contender.index, open_.coordinates, span, k, ends)
+        numbers(base, contender.fitted, contender.index, open_.coordinates, span, k, ends, moved)
         for k in range(part.form.records)
     ]
     form = form_of(part.form.apply(base, part.form.of_record(part.values, 0)), contender.id)
     if len(found) == 1:
         return ReportedEffect(contender.id, form, found[0], contender)
     return ReportedEffect(contender.id, form, found[record], contender, tuple(found))
+
+
+def moved_gain(search: SearchResult, fitted: Fitted) -> float:
+    """Return the factor of the calibration that belongs before the effects of a fit, 1 for none."""
+    factor = gain_of_the_device(search.base, fitted.calibration.gain)
+    if not fitted.hypothesis.parts:
+        return 1.0
+    try:
+        in_reading_units(corrected(search.base, fitted), factor)
+    except ModelError:
+        return 1.0
+    return factor
 
 
 def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
@@ -412,7 +438,11 @@ def _kept(at_least_one: bool, changed: tuple[RecalibratedNumber, ...]) -> tuple[
 
 
 def _model(
-    search: SearchResult, calibration: Calibration, kept: tuple[RecalibratedNumber, ...], step_um: float
+    search: SearchResult,
+    calibration: Calibration,
+    kept: tuple[RecalibratedNumber, ...],
+    step_um: float,
+    of_a_device: bool,
 ) -> Model:
     base, best = search.base, carried(search.best, with_record_effects=search.settings.with_record_effects)
     ids = list(best.hypothesis.effects)
@@ -428,6 +458,8 @@ def _model(
     model = corrected(base, replace(best, calibration=calibration), step_um, record)
     valid = _valid(search)
     model = straight_beyond(model, search.best.hypothesis.effects, valid, search.whole)
+    if of_a_device:
+        model = in_reading_units(model, moved_gain(search, search.best))
     covered = valid.in_words(search.records[0].quantities.command)
     return replace(model, description=f"{description}; learned from {covered}", valid=valid)
 

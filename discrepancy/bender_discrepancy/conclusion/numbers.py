@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bender_discrepancy.conclusion.measurement.reading_units import length_power
 from bender_discrepancy.effects.catalogue import EFFECTS, Effect
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted
@@ -37,6 +38,44 @@ class Span:
     full_voltage_V: float
     full_stroke_um: float
     piezo_bender: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovedGain:
+    """A gain of the device, by which lengths become those of the reading.
+
+    Attributes:
+        factor: the gain.
+        std: its standard deviation; inf or 0 where it is not to be counted.
+        with_coordinates: (k,) its covariance with the coordinates of all free numbers.
+    """
+
+    factor: float
+    std: float
+    with_coordinates: Array
+
+    def moved(self, told: Number, slopes: Array) -> Number:
+        """Return a number in the unit of the reading.
+
+        Args:
+            told: as the effect has it, behind which the gain acts.
+            slopes: (k,) of it by the coordinates.
+        """
+        power = length_power(told.unit)
+        if power == 0:
+            return told
+        factor = self.factor**power
+        value, std = factor * told.value, factor * told.std
+        if 0.0 < told.std < math.inf and math.isfinite(self.std):
+            by_gain = power * value / self.factor
+            shared = np.where(slopes == 0.0, 0.0, self.with_coordinates)
+            square = std**2 + (by_gain * self.std) ** 2 + 2.0 * factor * by_gain * float(slopes @ shared)
+            std = math.sqrt(max(square, 0.0))
+        if told.interval is None:
+            return replace(told, value=value, std=std)
+        wider = std / told.std if 0.0 < told.std < math.inf else factor
+        low, high = (value + wider * (x - told.value) for x in told.interval)
+        return replace(told, value=value, std=std, interval=(low, high))
 
 
 def block_numbers(model: Model, block_id: str) -> dict[str, float]:
@@ -91,6 +130,7 @@ def numbers(
     span: Span,
     record: int = 0,
     ends: Sequence[Ends | None] = (),
+    gain: MovedGain | None = None,
 ) -> tuple[Number, ...]:
     """Return the numbers of one effect of a hypothesis; what stays at its default is left out.
 
@@ -102,6 +142,7 @@ def numbers(
         span: of the records, which typical sizes scale with.
         record: whose surroundings these are.
         ends: of the 95 % intervals of all free numbers; none for those of the covariance.
+        gain: that acts behind the effect and belongs in front of it; None where it stays.
     """
     begin = sum(len(x.values) for x in fitted.hypothesis.parts[:index])
     part = fitted.hypothesis.alone(record).parts[index]
@@ -123,6 +164,10 @@ def numbers(
             moved_by = np.flatnonzero(row)
             if ends and moved_by.size == 1:
                 told = _with_ends(base, part, told, int(moved_by[0]), ends[begin + int(moved_by[0])])
+            if gain is not None:
+                everything = np.zeros(gain.with_coordinates.size)
+                everything[own] = row
+                told = gain.moved(told, everything)
             chosen.append(told)
     return tuple(chosen)
 

@@ -47,11 +47,13 @@ class Uncertainty:
         coordinates: (k, k) covariance of the coordinates in which the free numbers are searched.
         gain: of the factor on the reading.
         offsets_um: of the constant added to the reading, for every record.
+        with_gain: (k,) covariance of each coordinate with that factor.
     """
 
     coordinates: Array
     gain: float
     offsets_um: tuple[float, ...]
+    with_gain: Array
 
 
 def free_numbers(fitted: Fitted) -> list[Free]:
@@ -193,4 +195,4 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     offsets = tuple(float(x) for x in deviations[count + 1 :])
     if have_same_zero(problem.observations):
         offsets *= len(problem.observations)
-    return Uncertainty(covariance[:count, :count], float(deviations[count]), offsets)
+    return Uncertainty(covariance[:count, :count], float(deviations[count]), offsets, covariance[:count, count])

@@ -1,0 +1,74 @@
+"""A gain of the reading moved into the transduction: the same readings, sizes in the unit of the reading."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from effect_examples import EXAMPLES
+from plant_runs import run_plant
+
+from bender_discrepancy.conclusion.measurement.reading_units import (
+    gain_of_the_device,
+    in_reading_units,
+    length_power,
+)
+from bender_discrepancy.conclusion.numbers import MovedGain
+from bender_plant.blocks import BLOCKS, calibration
+from bender_plant.model import BlockSettings, Model, load_model
+from bender_report.number import Number
+
+VOLTS_V = np.array([0.0, 8.0, 30.0, 30.0, -12.0, 5.0, 50.0, 20.0, -30.0, 0.0])
+STEP_S = 0.02
+DEVICE = Model(
+    "device",
+    None,
+    (
+        BlockSettings("linear_transduction", BLOCKS["linear_transduction"].parameters(sensitivity_um_per_V=0.6)),
+        BlockSettings("bending_modes", BLOCKS["bending_modes"].parameters(first_frequency_Hz=11.0, damping_ratio=0.1)),
+    ),
+)
+ORDER = list(BLOCKS)
+BEFORE_THE_GAIN = [
+    pytest.param(block_id, parameters, id=f"{block_id} {k}")
+    for k, (block_id, parameters) in enumerate(EXAMPLES)
+    if ORDER.index(block_id) < ORDER.index(calibration.ID)
+    and not BLOCKS[block_id].transducer
+    and block_id not in ("bending_modes", "residual_equation")
+]
+
+
+@pytest.mark.parametrize(
+    ("unit", "power"), [("um", 1), ("1/um2", -2), ("um/V3", 1), ("1/(um.s)", -1), ("V", 0), ("1", 0)]
+)
+def test_a_unit_tells_how_a_number_grows_with_lengths(unit: str, power: int) -> None:
+    assert length_power(unit) == power
+
+
+@pytest.mark.parametrize(("block_id", "parameters"), BEFORE_THE_GAIN)
+@pytest.mark.parametrize("gain", [0.3, 40.0])
+def test_the_readings_stay_what_they_were(block_id: str, parameters: dict[str, Any], gain: float) -> None:
+    model = DEVICE.with_block(block_id, **parameters).with_block("calibration", gain=-gain, offset_um=3.0)
+    moved = in_reading_units(model, gain)
+    assert moved.values()["calibration.gain"] == -1.0
+    there, here = run_plant(model, VOLTS_V, STEP_S), run_plant(moved, VOLTS_V, STEP_S)
+    np.testing.assert_allclose(here, there, rtol=0.0, atol=1e-5 * float(np.ptp(there)))
+
+
+def test_a_ruler_is_not_the_device() -> None:
+    assert gain_of_the_device(load_model("beam"), 1.4) == 1.0
+    assert gain_of_the_device(DEVICE.with_block("calibration", gain=2.0), 1.4) == 1.0
+    assert gain_of_the_device(DEVICE, -1.4) == 1.4
+
+
+@pytest.mark.parametrize(("unit", "power"), [("um", 1.0), ("1/um2", -2.0)])
+def test_the_interval_counts_what_size_and_gain_take_from_one_another(unit: str, power: float) -> None:
+    # the size is twice a coordinate; coordinate and gain stand in for one another
+    shared = np.array([[4e-4, -3e-4], [-3e-4, 9e-4]])
+    draws = np.random.default_rng(5).multivariate_normal([3.0, 1.5], shared, 400_000)
+    expected = float(np.std(2.0 * draws[:, 0] * draws[:, 1] ** power))
+    told = Number("size", 6.0, unit, 0.04, None, "", False, (5.92, 6.08))
+    moved = MovedGain(1.5, 0.03, np.array([-3e-4])).moved(told, np.array([2.0]))
+    assert moved.value == pytest.approx(6.0 * 1.5**power)
+    assert moved.std == pytest.approx(expected, rel=0.02)
+    assert moved.interval is not None
+    assert moved.interval[1] - moved.interval[0] == pytest.approx(4.0 * moved.std)
