@@ -384,6 +384,24 @@ def test_a_spring_that_stiffens_is_likelier_than_a_second_mode():
 
 
 @pytest.mark.slow
+def test_a_spring_that_has_raised_the_frequency_by_a_third_is_seen_in_a_sweep():
+    rng, step_s, omega = np.random.default_rng(3), 0.001, 2.0 * math.pi * 20.0
+    time_s = step_s * np.arange(3000)
+    volts = np.sin(2.0 * math.pi * (2.0 * time_s + 9.0 * time_s**2))
+    read, place, speed = [], 0.0, 0.0
+    for u in volts:
+        read.append(place)
+        for _ in range(20):
+            speed += 5e-5 * (omega**2 * (2.0 * u - place - 0.15 * place**3) - 0.5 * omega * speed)
+            place += 5e-5 * speed
+    readings = np.array(read) + 0.005 * rng.standard_normal(time_s.size)
+    found = first_model([experiment_of(linear_record(volts, readings, 0.005, step_s), "sweep", Settings())])
+    assert found.rival is not None
+    assert found.rival.effect == "stiffening"
+    assert found.chosen.structure == Structure(modes=1)
+
+
+@pytest.mark.slow
 def test_a_reading_without_sign_hides_its_lag_and_is_no_reason_to_refuse():
     volts = np.where(levels(500, 8, 20) > 0.0, 1.5, -1.5)
     read = np.abs(lagging(volts, 0.25))

@@ -2,8 +2,8 @@
 
 A cubic spring shifts a resonance as the amplitude changes, and a second mode close by imitates it; friction looks like
 a lag, a fold hides any structure. Each part is tried at a few sizes, relative to the span of the input and of the
-motion, and the best three are fitted together with the numbers of the structure. Which part it is, `bender diagnose`
-decides: here it only keeps the linear structure from standing in for it.
+motion, and fitted together with the numbers of the structure. Which part it is, `bender diagnose` decides: here it only
+keeps the linear structure from standing in for it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,6 +18,7 @@ from bender_identify.first_model.structures import Structure
 from bender_plant.parameter import ModelError
 
 REFINED, EVALUATIONS, HARDLY_MORE, AS_GOOD = 3, 15, 1.1, 1.05
+SIMPLE_ORDER = 2
 HIDDEN_BELOW = 0.3
 """Share of the variance that a linear structure explains below which its times may be hidden by an even curve."""
 
@@ -106,15 +107,24 @@ def refitted(task: FitTask, rival: Rival, seen: Sequence[Mask], held_out: Sequen
 
 
 def _leaders(tried: Sequence[_Try]) -> list[_Try]:
-    """Return the parts that leave least, beside their best structure and the simplest one that leaves hardly more."""
+    """Return what is refined.
+
+    The parts that leave least, beside their best structure and the simplest one that leaves hardly more; and every part
+    beside its best simple structure, since the numbers of a linear fit may hide what a part does: a spring that
+    stiffens has raised the frequency that it is tried with.
+    """
     pairs: list[tuple[_Try, _Try]] = []
     for effect in dict.fromkeys(x.part.effect for x in tried):
         same = [x for x in tried if x.part.effect == effect]
         best = min(same, key=lambda x: x.square)
         near = [x for x in same if x.square <= HARDLY_MORE * best.square]
         pairs.append((best, min(near, key=lambda x: (len(x.values), x.square))))
-    pairs = sorted(pairs, key=lambda x: x[0].square)[:REFINED]
-    return [x for best, simple in pairs for x in ((best,) if simple is best else (simple, best))]
+    pairs = sorted(pairs, key=lambda x: x[0].square)
+    first = [x for best, simple in pairs[:REFINED] for x in ((best,) if simple is best else (simple, best))]
+    simple = [x for x in tried if x.structure.order <= SIMPLE_ORDER]
+    effects = dict.fromkeys(x.part.effect for x in simple)
+    others = [min((x for x in simple if x.part.effect == name), key=lambda x: x.square) for name in effects]
+    return first + [x for x in others if x not in first]
 
 
 def _explained(task: FitTask, fit: FirstFit, masks: Sequence[Mask]) -> float:
