@@ -148,6 +148,7 @@ _IN_ORDER = (
     "creep",
     "plant_lag",
     "square_root_outflow",
+    "radiation_loss",
     "bearing_friction",
     "tip_mass",
     "structural_damping",

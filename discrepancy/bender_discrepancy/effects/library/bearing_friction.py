@@ -1,11 +1,9 @@
 """Dry friction of a speed: the drive has to exceed it before anything turns, and what turns comes to rest."""
 
-from dataclasses import asdict
-
 from bender_discrepancy.effects.effect import OTHER_RIGS, UNSEEN_OF_A_ROW, Effect, Sizes
 from bender_discrepancy.effects.form import Form, Values, scale
-from bender_plant.blocks import plant_lag
-from bender_plant.model import Model, ModelError
+from bender_discrepancy.effects.lag_taken import without_a_lag
+from bender_plant.model import Model
 
 COVERED = {"friction_um": (0.3, 11.5)}
 
@@ -15,13 +13,9 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     unseen_s = 0.99 * UNSEEN_OF_A_ROW * sizes.row_s
 
     def apply(model: Model, values: Values) -> Model:
-        """Take over the first lag of the plant, whose number stays free beside the friction."""
-        lag = next((x.parameters for x in model.blocks if x.id == plant_lag.ID), None)
-        if not isinstance(lag, plant_lag.Parameters) or lag.time_constant_s <= unseen_s:
-            raise ModelError("bearing_friction: found a model without a lag that rows show, expected one of a speed")
-        rest = asdict(lag) | {"time_constant_s": lag.second_time_constant_s, "second_time_constant_s": 0.0}
-        model = model.with_block(plant_lag.ID, **rest)
-        return model.with_block("bearing_friction", time_constant_s=lag.time_constant_s, friction_um=values[0])
+        """Take over a lag of the plant, whose number stays free beside the friction."""
+        rest, tau_s = without_a_lag(model, unseen_s, "bearing_friction")
+        return rest.with_block("bearing_friction", time_constant_s=tau_s, friction_um=values[0])
 
     force = sizes.sized(scale("friction_um", *COVERED["friction_um"], 6, 0.0), COVERED["friction_um"], "um")
     return (Form("bearing_friction", "dry friction of a speed", (force,), apply, memory=True),)

@@ -4,8 +4,8 @@ from dataclasses import asdict
 
 from bender_discrepancy.effects.effect import OTHER_RIGS, UNSEEN_OF_A_ROW, Effect, Sizes
 from bender_discrepancy.effects.form import Form, Values, scale
-from bender_plant.blocks import plant_lag
-from bender_plant.model import Model, ModelError
+from bender_discrepancy.effects.lag_taken import without_a_lag
+from bender_plant.model import Model
 
 COVERED = {"head_um": (1.0, 100.0), "second_head_um": (1.0, 100.0)}
 
@@ -15,26 +15,16 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     unseen_s = 0.99 * UNSEEN_OF_A_ROW * sizes.row_s
 
     def apply(model: Model, values: Values) -> Model:
-        """Take over the first lag of the plant, whose number stays free beside the head."""
-        lag = next((x.parameters for x in model.blocks if x.id == plant_lag.ID), None)
-        if not isinstance(lag, plant_lag.Parameters) or lag.time_constant_s <= unseen_s:
-            raise ModelError(
-                "square_root_outflow: found a model without a lag that rows show, expected one that drains"
-            )
-        rest = asdict(lag) | {"time_constant_s": lag.second_time_constant_s, "second_time_constant_s": 0.0}
-        model = model.with_block(plant_lag.ID, **rest)
-        return model.with_block("square_root_outflow", time_constant_s=lag.time_constant_s, head_um=values[0])
+        """Take over a lag of the plant, whose number stays free beside the head."""
+        rest, tau_s = without_a_lag(model, unseen_s, "square_root_outflow")
+        return rest.with_block("square_root_outflow", time_constant_s=tau_s, head_um=values[0])
 
     def apply_to_both(model: Model, values: Values) -> Model:
         """Take over both lags of the plant: one tank drains into another one."""
-        one = apply(model, values[:1])
-        below = next((x.parameters for x in one.blocks if x.id == plant_lag.ID), None)
-        if not isinstance(below, plant_lag.Parameters) or below.time_constant_s <= unseen_s:
-            raise ModelError("square_root_outflow: found one lag that rows show, expected two")
-        upper = next(x.parameters for x in one.blocks if x.id == "square_root_outflow")
-        second = {"second_time_constant_s": below.time_constant_s, "second_head_um": values[1]}
-        one = one.with_block(plant_lag.ID, time_constant_s=0.0, second_time_constant_s=0.0)
-        return one.with_block("square_root_outflow", **(asdict(upper) | second))
+        rest, below_s = without_a_lag(apply(model, values[:1]), unseen_s, "square_root_outflow")
+        upper = next(x.parameters for x in rest.blocks if x.id == "square_root_outflow")
+        second = {"second_time_constant_s": below_s, "second_head_um": values[1]}
+        return rest.with_block("square_root_outflow", **(asdict(upper) | second))
 
     head, below = (sizes.sized(scale(x, *COVERED[x], 5), COVERED[x], "um") for x in COVERED)
     plain = Form("square_root_outflow", "square-root outflow", (head,), apply, memory=True)
@@ -57,6 +47,7 @@ EFFECT = Effect(
         "output_curve": "A curve of the reading: the time constant stays.",
         "output_limit": "A level that is never passed; below it the lag is a plain one.",
         "quadratic_drag": "A brake of a mode; the gain of slow motion stays.",
+        "radiation_loss": "The opposite: gain and time constant fall with the level.",
     },
     separation="Small steps at several levels: gain and time constant rise together, with the root of the level.",
     excitation="steps up and down about several levels, held until the level stands",
