@@ -1,6 +1,7 @@
 """Several inputs and outputs of one FMU: an arm in C with a command and a load, a tip and a force."""
 
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -443,7 +444,10 @@ def test_what_an_interrupt_advises_works(
 
     _told(monkeypatch, interrupted)
     assert main([*words, "--out", str(out)]) == 130
-    assert f"go on with --resume {out}" in capsys.readouterr().err
+    assert (
+        f"go on with: {shlex.join(['bender', *words, '--out', str(out), '--resume', str(out)])}"
+        in capsys.readouterr().err
+    )
     assert {x.name for x in out.iterdir()} == {*complete, UNFINISHED}
 
     def ended(keep: Callable[..., None]) -> object:

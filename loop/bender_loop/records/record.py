@@ -41,6 +41,8 @@ Array = NDArray[np.float64]
 
 
 _ROWS_AT_A_TIME = 1 << 16
+_EVEN = 1.5
+"""Times the median: steps of a column of times stay below."""
 _GAPS = {column.field: column.gaps for column in COLUMNS.values()}
 
 
@@ -330,9 +332,14 @@ def _record_of(
             values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
-        raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
+        raise InputError(
+            f"{table.path}: found {len(table)} {'row' if len(table) == 1 else 'rows'} below the header, expected at "
+            "least 2; a diagnosis or a first model needs 40"
+        )
     fault = _first_fault(values)
     if fault is not None:
+        if fault.column == "time_s" and fault.row and np.all(np.isfinite(values["time_s"])):
+            raise _backwards(table, fault.row, sources, stated["time"], values)
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
     if tell is not None:
         for line in [*_told(table, choice.found, sources, own), *_doubts(table, unstated, stated)]:
@@ -354,6 +361,22 @@ def _told(
     if table.told or found:
         pairs = ", ".join(f"{words.get(field) or field} from {name!r}" for field, name in sources.items())
         yield f"{table.path}: " + (f"read with {table.told}; {pairs}" if table.told else pairs)
+
+
+def _backwards(
+    table: Table | ColumnTable, row: int, sources: Mapping[str, str], unit: str, values: Mapping[str, Array]
+) -> InputError:
+    """Return what is said where time does not rise, in the unit of the file."""
+    name, command = sources["time_s"], sources["voltage_V"]
+    before, here = (float(x) for x in table.numbers(name)[row - 1 : row + 1])
+    steps = np.diff(values["voltage_V"])
+    if np.all(steps > 0.0) and float(steps.max()) < _EVEN * float(np.median(steps)):
+        advice = f"{command} rises evenly: if the columns are swapped, --columns time={command},voltage={name}"
+    elif here == before:
+        advice = "keep one row of each time"
+    else:
+        advice = "sort the rows by time, or make a record of each part where it starts anew"
+    return table.fault(row, name, f"{here!r} {unit}", f"more than {before!r} {unit} of the row before; {advice}")
 
 
 def _doubts(table: Table | ColumnTable, unstated: Mapping[str, str], stated: Mapping[str, str]) -> Iterator[str]:
