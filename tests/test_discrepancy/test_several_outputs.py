@@ -335,7 +335,7 @@ def test_the_terminal_has_the_numbers_of_what_was_found_and_what_is_left_in_word
     assert IN_WORDS in lines
     assert "left with all outputs together: plate 0.07 K (noise 0.05 K), air 0.34 K (noise 0.05 K)" in lines
     assert outputs_report._titles(told, ("second_mode",)) == "a second mode"
-    assert titles(("second_mode",)) == "a second bending mode"
+    assert titles(("second_mode",)) == "a second mode"
 
 
 def test_the_page_has_no_rows_of_what_is_not_needed_with_all_outputs_together() -> None:

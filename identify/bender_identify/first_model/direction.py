@@ -56,7 +56,7 @@ def direction(command: Array, reading: Array) -> Direction | None:
     spreads = [float(np.std(x)) for x in columns]
     if min(spreads) <= 0.0:
         return None
-    u, y = ((x - np.mean(x)) / spread for x, spread in zip(columns, spreads, strict=True))
+    u, y = (np.asarray((x - np.mean(x)) / spread, np.float64) for x, spread in zip(columns, spreads, strict=True))
     forth, back = [], []
     for ahead in AHEAD:
         own, with_input = _left(y, u, ahead)
