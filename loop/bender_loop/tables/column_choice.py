@@ -59,13 +59,16 @@ def found_columns(
         command = _input_of(left, units and [units[header.index(x)] for x in left])
         if command is not None:
             found |= {"voltage": command, "displacement": next(x for x in left if x != command)}
-    elif len(left) == 1 and (lacking == ["displacement"] or (lacking == ["voltage"] and "displacement" in told)):
-        found[lacking[0]] = left[0]
+    elif len(left) == 1 and lacking == ["displacement"]:
+        found["displacement"] = left[0]
+    elif len(left) == 1 and lacking == ["voltage"]:
+        command = _input_of(left, units and [units[header.index(left[0])]])
+        found |= {"voltage": left[0]} if command is not None or "displacement" in told else {}
     return found
 
 
 def _input_of(names: Sequence[str], units: Sequence[str]) -> str | None:
-    """Return the one of two columns that its name or else its unit marks as an input."""
+    """Return the only one of some columns that its name, or else its unit, marks as an input."""
     named = [x for x in names if not _INPUT_WORDS.isdisjoint(plain_name(x).split())]
     stated = zip(names, units or map(unit_in_heading, names), strict=True)
     driven = [x for x, unit in stated if unit in _INPUT_UNITS or find(VOLTAGE_V, unit) is not None]
