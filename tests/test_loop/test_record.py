@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from bender_cli.main import main
 from bender_loop.errors import InputError
-from bender_loop.records.record import COLUMNS, Record, read_record, write_record
+from bender_loop.records.columns import COLUMNS
+from bender_loop.records.record import Record, read_record, write_record
 from bender_loop.records.scale import TENFOLD, scale_question
 from bender_loop.records.sizes import LONGEST_S, MOST_UM, MOST_V, check_sizes
 from bender_loop.records.variables import Variable
