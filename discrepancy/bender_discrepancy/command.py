@@ -180,12 +180,13 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.run import going_on
 
     kept = "nothing was written"
     if journal.entries:
         with all_or_no_files(out) as stage:
             write_atomically(stage / UNFINISHED, journal.to_json())
-        kept = f"go on with --resume {out}"
+        kept = f"go on with: {going_on('--resume', out)}"
     sys.stderr.write(f"bender: interrupted before anything was ranked; {kept}\n")
     return INTERRUPTED
 
@@ -281,6 +282,7 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace,
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.shell.files import write_atomically, write_result
+    from bender_loop.shell.run import going_on
 
     out, names = arguments.out, [path.name for path in arguments.record]
     kept = _is_complete(out / DIAGNOSIS)
@@ -290,7 +292,7 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace,
     with all_or_no_files(out) as stage:
         write_result(stage / name, result)
         write_atomically(stage / UNFINISHED, journal.to_json())
-    return f"{out / name}, marked partial{earlier}; go on with --resume {out}"
+    return f"{out / name}, marked partial{earlier}; go on with: {going_on('--resume', out)}"
 
 
 def _is_complete(path: Path) -> bool:

@@ -2,12 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+
+if TYPE_CHECKING:
+    from bender_identify.first_model.linear_structures import LinearStructure
 
 AUTO = "auto"
 MOST_STRUCTURES, MOST_ORDER = 2, 2
@@ -61,7 +65,7 @@ def competing_structures(
         raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
     linear = [x for x in found if not x.behind_a_loop]
     plain = [x for x in linear if not x.structure.delay and x.hidden_behind is None and x.rings]
-    gain = next((x.model for x in plain if x.structure.order == 0), None)
+    gain = next((_named(x) for x in plain if x.structure.order == 0), None)
     simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
     looped = [x for x in found if x.behind_a_loop and x.rings][:1]
     # a search frees their numbers: with the same parts as behind a loop, it is that one again
@@ -69,14 +73,20 @@ def competing_structures(
     simple = [x for x in simple if (x.structure.lags, x.structure.modes) not in parts]
     kinds = {bool(x.structure.modes): x for x in reversed(simple)}
     best = [*looped, *(x for x in simple if x in kinds.values())][:MOST_STRUCTURES]
-    orders = [] if how.untimed else [x.model for x in best]
+    orders = [] if how.untimed else [_named(x) for x in best]
     # behind an even curve a linear fit sees nothing: the structure that it hides is one more
-    hidden = [x.model for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]
+    hidden = [_named(x) for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]
     competing = [CompetingStructure(x) for x in (*orders, *([] if gain is None else [gain]))]
     competing += [CompetingStructure(x, hidden=True) for x in hidden]
     if not competing:
         raise InputError("no linear model follows the records; give one by --model")
-    return [replace(x, model=replace(x.model, name=f"{AUTO} {k + 1}")) for k, x in enumerate(competing)]
+    return competing
+
+
+def _named(x: "LinearStructure") -> Model:
+    """Return the model of a structure with a name that says which it is, as several compete."""
+    beside = " behind a loop" if x.behind_a_loop else "" if x.hidden_behind is None else f" behind {x.hidden_behind}"
+    return replace(x.model, name=f"{AUTO} {x.structure.name}{beside}")
 
 
 def rebased(found: Searched, given: Model) -> tuple[Searched, Model]:

@@ -308,4 +308,10 @@ def _plant_fmu(model: str | Path | Model) -> tuple[Path, str, str]:
 
     if isinstance(model, Model):
         return ready_plant_fmu(model), f"the model {model.name}", model.name
-    return ready_plant_fmu(model), f"the model {Path(model).stem}", str(model)
+    return ready_plant_fmu(model), model_words(model), str(model)
+
+
+def model_words(model: str | Path) -> str:
+    """Return what a model of a name or a file is called: `the model mine`, or `diagnosis/model.toml`."""
+    path = Path(model)
+    return "/".join(path.parts[-2:]) if path.name == "model.toml" else f"the model {path.stem}"

@@ -10,6 +10,7 @@
 Unknown keys are errors, missing parameters take their defaults.
 """
 
+import difflib
 import os
 import stat
 import tomllib
@@ -64,7 +65,7 @@ class Model:
         ids = [settings.id for settings in self.blocks]
         for block_id in ids:
             if block_id not in BLOCKS:
-                raise ModelError(f"block: found id {block_id!r}, expected one of {', '.join(BLOCKS)}")
+                raise ModelError(f"block: found id {block_id!r}, {_like(block_id)}")
             if ids.count(block_id) > 1:
                 raise ModelError(f"block: found {block_id!r} twice, expected each block once")
         transducers = [block_id for block_id in ids if BLOCKS[block_id].transducer]
@@ -191,9 +192,15 @@ def _block_settings(table: Any) -> BlockSettings:
         raise ModelError(f"block: found {table!r}, expected a table with the key id")
     block_id = table["id"]
     if block_id not in BLOCKS:
-        raise ModelError(f"block.id: found {block_id!r}, expected one of {', '.join(BLOCKS)}")
+        raise ModelError(f"block.id: found {block_id!r}, {_like(block_id)}")
     rest = {key: value for key, value in table.items() if key != "id"}
     return BlockSettings(block_id, _made(BLOCKS[block_id].parameters, rest, f"block[{block_id}]"))
+
+
+def _like(block_id: object) -> str:
+    """Return which known blocks an unknown id may mean, all of them where none is like it, in words."""
+    near = difflib.get_close_matches(str(block_id).casefold(), BLOCKS, n=3)
+    return f"expected the id of a block, as {' or '.join(near)}" if near else f"expected one of {', '.join(BLOCKS)}"
 
 
 def _beam(table: Any) -> CompositeBeam:
@@ -246,7 +253,11 @@ def load_model(name_or_path: str | Path) -> Model:
         raise ModelError(f"{name_or_path}: nested too deeply, expected a model file (TOML)") from None
     except ArithmeticError as error:
         raise ModelError(f"{name_or_path}: its numbers are too large or too small to compute with ({error})") from None
-    except (ValueError, TypeError) as error:  # not TOML, or a value of another kind than asked for
+    except tomllib.TOMLDecodeError as error:
+        raise ModelError(
+            f'{name_or_path}: no TOML ({error}), expected a model file: lines as name = "mine" and [[block]] tables'
+        ) from None
+    except (ValueError, TypeError) as error:  # or a value of another kind than asked for
         raise ModelError(f"{name_or_path}: {error}") from None
 
 

@@ -19,7 +19,8 @@ _SMALL, _LARGE = 1e-3, 1e5
 WIDE = 5.0
 WHOSE_DELAY = (
     "a record alone cannot distinguish a delay of the sensor from one of the actuator; find that of the sensor (data "
-    "sheet, or a test without the actuator) and enter it in the bench file, as `delay_s` of [sensor] or [camera]"
+    "sheet, or a test without the actuator); where `bender hil` drives the device, it goes into the bench file, as "
+    "`delay_s` of [sensor] or [camera]"
 )
 """What is to be known of a delay that was found."""
 HALF_WIDTH = 1.96

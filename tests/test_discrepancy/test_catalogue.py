@@ -139,6 +139,7 @@ def test_nothing_of_the_skeleton_is_left_to_do(effect: Effect):
         Path(f"plant_src/bender_plant/blocks/{effect.block.id}.py"),
         Path(f"discrepancy/bender_discrepancy/effects/library/{effect.id}.py"),
         Path(f"tests/effect_examples/{effect.id}.py"),
+        Path("plant_src/bender_plant/blocks/__init__.py"),
     ]
     texts = {str(x): (ROOT / x).read_text(encoding="utf-8") for x in files if (ROOT / x).is_file()}
     assert not [f"{name}: {line}" for name, text in texts.items() for line in text.splitlines() if "TODO" in line]
@@ -242,7 +243,7 @@ def test_a_device_of_other_quantities_has_no_word_of_a_piezo() -> None:
 def test_a_voltage_and_a_displacement_have_the_titles_of_the_catalogue() -> None:
     with shown_in("V", "um"):
         assert all(heading_of(x) == EFFECTS[x].title for x in EFFECTS)
-    assert title_of("second_mode") == "a second bending mode"
+    assert title_of("second_mode") == "a second mode"
 
 
 PACKAGE = Path(bender_discrepancy.__file__).parent

@@ -4,14 +4,16 @@ import re
 
 import pytest
 
+from bender_discrepancy.conclusion.sentences import share_of_stroke
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import PIEZO_BENDERS, Effect
 from bender_discrepancy.report.device_words import for_device
+from bender_discrepancy.settings import Settings
 from bender_report.wording import shown_in
 
 OF_A_BENDER = re.compile(
     r"\b(volts?|voltages?|tip|beam|film|piezo\w*|camera|lens|micromet\w*|electrode|displacements?|pixels?|frames?|PVDF|"
-    r"field|domain walls?|bending|vibrometer)\b",
+    r"field|domain walls?|bending|vibrometer|strokes?)\b",
     re.IGNORECASE,
 )
 OTHERS = [x for x in EFFECTS.values() if x.rigs != PIEZO_BENDERS]
@@ -35,3 +37,9 @@ def test_a_bender_keeps_the_words_of_the_catalogue(effect: Effect) -> None:
 def test_a_command_in_volts_stays_a_voltage() -> None:
     with shown_in("V", "N"):
         assert for_device("over the voltage, at zero volts", bender=False) == "over the voltage, at zero voltage"
+
+
+def test_the_share_that_does_not_matter_is_of_the_readings_of_another_rig() -> None:
+    assert "stroke" in share_of_stroke(Settings())
+    with shown_in("V", "rpm"):
+        assert "stroke" not in share_of_stroke(Settings())

@@ -244,7 +244,7 @@ def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
     said = [text for text in err.splitlines() if not text.startswith(("diagnose: ", "["))]
     assert said == [
         f"bender: interrupted; what was ranked until then is in {Path('mine/diagnosis.json')}, marked partial; "
-        "go on with --resume mine"
+        "go on with: bender diagnose two.csv --out mine --verbose --resume mine"
     ]
     assert {path.name for path in tmp_path.iterdir()} == {"two.csv", "mine"}
     assert {path.name for path in (tmp_path / "mine").iterdir()} == {"diagnosis.json", "unfinished.json"}

@@ -1,6 +1,7 @@
 """Several inputs and outputs of one FMU: an arm in C with a command and a load, a tip and a force."""
 
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -334,7 +335,7 @@ def test_the_terminal_has_the_numbers_of_what_was_found_and_what_is_left_in_word
     assert IN_WORDS in lines
     assert "left with all outputs together: plate 0.07 K (noise 0.05 K), air 0.34 K (noise 0.05 K)" in lines
     assert outputs_report._titles(told, ("second_mode",)) == "a second mode"
-    assert titles(("second_mode",)) == "a second bending mode"
+    assert titles(("second_mode",)) == "a second mode"
 
 
 def test_the_page_has_no_rows_of_what_is_not_needed_with_all_outputs_together() -> None:
@@ -443,7 +444,10 @@ def test_what_an_interrupt_advises_works(
 
     _told(monkeypatch, interrupted)
     assert main([*words, "--out", str(out)]) == 130
-    assert f"go on with --resume {out}" in capsys.readouterr().err
+    assert (
+        f"go on with: {shlex.join(['bender', *words, '--out', str(out), '--resume', str(out)])}"
+        in capsys.readouterr().err
+    )
     assert {x.name for x in out.iterdir()} == {*complete, UNFINISHED}
 
     def ended(keep: Callable[..., None]) -> object:

@@ -101,6 +101,66 @@ def test_columns_are_found_by_names_and_units_and_none_is_guessed(names, units, 
     assert usual_columns(names, *([units] if units else [])) == {kind: names[k] for kind, k in found.items()}
 
 
+@pytest.mark.parametrize(
+    ("head", "columns", "found"),
+    [
+        ("time [ms],drive (V),speed [rpm]", None, ("drive (V)", "speed [rpm]")),
+        ("time [ms],speed [rpm],drive (V)", None, ("drive (V)", "speed [rpm]")),
+        ("time [ms],drive (V),speed [rpm]", "displacement=speed [rpm]", ("drive (V)", "speed [rpm]")),
+        ("time [ms],drive (V),speed [rpm]", "voltage=drive", ("drive (V)", "speed [rpm]")),
+        ("time [ms],foo,bar", "displacement=bar", ("foo", "bar")),
+        ("t,PWM_percent,T_degC", None, ("PWM_percent", "T_degC")),
+        ("t,T,drive", None, ("drive", "T")),
+        ("t,cmd,pos", None, ("cmd", "pos")),
+        ("t,foo,pos", None, None),
+        ("time_s,u_mV,x_mm", None, ("u_mV", "x_mm")),
+        ("time_s,supply_voltage_V,x_mm", None, None),
+        ("t,current (A),PWM (%)", None, None),
+        ("t,foo,bar", None, None),
+        ("t,drive,bar,foo", None, None),
+    ],
+)
+def test_what_is_not_named_is_found_and_told_and_never_guessed(written, head: str, columns: str | None, found):
+    told: list[str] = []
+    path = written(head + "".join(f"\n{k},{k + 1},{k + 2},7"[: None if head.count(",") > 2 else -2] for k in range(3)))
+    if found is None:
+        with pytest.raises(InputError, match="no such column"):
+            read_record(path, columns, tell=told.append)
+        return
+    record = read_record(path, columns, units="time=s,voltage=V,displacement=um", tell=told.append)
+    places = [head.split(",").index(x) for x in found]
+    assert [record.voltage_V[0], record.displacement_um[0]] == places
+    assert all(repr(x) in told[0] for x in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("PWM_percent", "percent"), ("T_degC", "degC"), ("speed_rpm", "rpm"), ("F_N", "N"), ("p_kPa", "kPa"),
+        ("drive_A", "A"), ("sensor_a", ""), ("sensor_A", ""), ("x_in", ""), ("u_c", ""), ("y_min", ""), ("y_MV", ""),
+        ("u_dac", ""), ("y_Act", ""), ("ch1", ""), ("_V", ""),
+    ],
+)  # fmt: skip
+def test_a_unit_stands_behind_the_last_underscore_and_a_word_is_none(name: str, unit: str):
+    assert unit_in_heading(name) == unit
+
+
+@pytest.mark.parametrize(
+    ("head", "units", "words"),
+    [
+        ("t [s],drive (V),tacho", None, "no unit found in 'tacho', taken as µm"),
+        ("t [s],drive (V),tacho", "displacement=furlongs per moon", "'furlongs per moon' is no known unit"),
+        ("t [s],drive (V),tacho", "displacement=rpm", ""),
+        ("time_s,voltage_V,displacement_um", None, ""),
+    ],
+)
+def test_a_unit_that_nobody_says_or_knows_is_told(written, head: str, units: str | None, words: str):
+    told: list[str] = []
+    read_record(written(head + "\n0,1,2\n1,2,3\n"), units=units, tell=told.append)
+    assert [x for x in told if "unit " in x or "known" in x] == [x for x in told if words and words in x]
+    assert bool(words) == any(words in x for x in told if words)
+
+
 def test_an_unknown_unit_of_time_is_refused_where_the_header_stands(written):
     path = written("a remark\nt [ticks];U;d\n0;0;0\n50;1,5;0,25\n")
     with pytest.raises(InputError, match=r"line 2, column t \[ticks\]: found the unit 'ticks', expected one of s, ms"):
@@ -148,7 +208,7 @@ def test_no_header_and_columns_by_number(tmp_path: Path):
     check(read_record(path, columns="1,2,3"))
     swapped = read_record(path, columns="time=1,voltage=3,displacement=2")
     np.testing.assert_allclose(swapped.voltage_V, READ_UM, atol=1e-9)
-    with pytest.raises(InputError, match="no such column; there are 1, 2, 3"):
+    with pytest.raises(InputError, match="no such columns; there are 1, 2, 3"):
         read_record(path)
 
 

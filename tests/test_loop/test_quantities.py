@@ -68,7 +68,7 @@ def test_what_is_no_voltage_is_told_as_a_command(tmp_path: Path) -> None:
     (tmp_path / "oven.csv").write_text("t [s];q1 [W];T1 [K]\n0;0;293,1\n5;20;293,2\n", encoding="utf-8")
     told: list[str] = []
     read_record(tmp_path / "oven.csv", "t [s],q1 [W],T1 [K]", tell=told.append)
-    assert told[0].endswith("time_s from 't [s]', command from 'q1 [W]', reading from 'T1 [K]'")
+    assert told[0].endswith("time_s from 't [s]', input from 'q1 [W]', reading from 'T1 [K]'")
 
 
 def test_words_show_the_units_of_the_rig() -> None:

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from bender_cli.main import main
 from bender_loop.errors import InputError
-from bender_loop.records.record import COLUMNS, Record, read_record, write_record
+from bender_loop.records.columns import COLUMNS
+from bender_loop.records.record import Record, read_record, write_record
 from bender_loop.records.scale import TENFOLD, scale_question
 from bender_loop.records.sizes import LONGEST_S, MOST_UM, MOST_V, check_sizes
 from bender_loop.records.variables import Variable
@@ -145,11 +146,15 @@ def test_optional_columns_are_taken_by_their_names(written):
     ("text", "message"),
     [
         ("", "the file is empty"),
-        (HEADER + "0,0,0\n", "found 1 rows below the header"),
+        (HEADER + "0,0,0\n", "found 1 row below the header, .* 40"),
+        (HEADER + "0,0,0\n1,1,ERROR\n", "found 'ERROR', expected a number; leave the cell empty"),
+        ("t [ms],U [V],d [um]\n0,0,0\n900,1,1\n500,0,1\n", r"line 4.* 500.0 ms, .* 900.0 ms .*sort the rows"),
+        ("U,t,d\n0,0,0\n1,1,1\n2,1,1\n", "U rises evenly: .*--columns time=U,voltage=t"),
         ("time_s,voltage_V\n0,0\n1,1\n", "line 1, column displacement_um: no such column; there are time_s, voltage_V"),
-        ("t,U,displacement_um\n0,0,0\n1,1,1\n", "no such column; there are t, U, .*: --columns time=NAME"),
+        ("a,U,displacement_um\n0,0,0\n1,1,1\n", "no such column; there are a, U, .*: --columns time=NAME"),
+        ("a,b,c\n0,0,0\n1,1,1\n", "if time, input, reading .*: --columns time=NAME,voltage=NAME,displacement=NAME"),
         ("time_s,time_s,voltage_V,displacement_um\n", "line 1, column time_s: 2 columns of that name"),
-        ("time_s;voltage_V;displacement_um\n0;0;0\n", "found 1 rows below the header"),
+        ("time_s;voltage_V;displacement_um\n0;0;0\n", "found 1 row below the header"),
         (HEADER + "0,0,0\n1,one,0\n", "line 3, column voltage_V: found 'one', expected a number"),
         (HEADER + "0,0,0\n1,inf,0\n", "line 3, column voltage_V: found inf, expected a finite number"),
         (HEADER + "0,0,0\n0,1,1\n", "line 3, column time_s: found 0.0 s, expected more than 0.0 s"),
@@ -166,8 +171,9 @@ def test_optional_columns_are_taken_by_their_names(written):
     ],
 )  # fmt: skip
 def test_messages_name_the_cell(written, text, message):
+    columns = "time=t,voltage=U,displacement=d" if "U,t" in str(text) else None
     with pytest.raises(InputError, match=message) as caught:
-        read_record(written(text))
+        read_record(written(text), columns)
     assert "record.csv" in str(caught.value)
     assert "\n" not in str(caught.value)
 

@@ -19,6 +19,7 @@ from bender_cli.main import main
 from bender_export.archive import unpacked
 from bender_loop.control.pid import Gains
 from bender_loop.records.record import Record, write_record
+from piezo_bender.comparisons import model_words
 from piezo_bender.shared import options_as_arguments
 
 # patient with a machine that does other things at the same time
@@ -515,3 +516,11 @@ def test_a_tuning_pickles_without_its_plant(tmp_path: Path):
     assert {"gains.toml", "loop.png"} <= {x.name for x in again.save(tmp_path).iterdir()}
     with pytest.raises(pb.RunError, match="the FMU of this tuning is closed"):
         again.session.problem.experiment.run(again.gains)
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [("paper", "the model paper"), ("a/mine.toml", "the model mine"), ("a/b/model.toml", "b/model.toml")],
+)
+def test_a_model_file_of_the_usual_name_is_told_by_its_folder(model: str, words: str) -> None:
+    assert model_words(model) == words

@@ -130,6 +130,7 @@ def valid(low: Any = 0.0, high: Any = 1.0, **more: Any) -> dict[str, Any]:
         (paper(name=""), "name: found ''"),
         (paper(block="all"), r"expected \[\[block\]\] tables"),
         (paper_of({"id": "magnet"}), "found 'magnet', expected one of"),
+        (paper_of({"id": "plant_lagg"}), "found 'plant_lagg', expected the id of a block, as plant_lag"),
         (paper_of({"gain": 1}), "expected a table with the key id"),
         (
             paper_of({"id": "dead_zone", "threshold_V": [1.0, 2.0]}),

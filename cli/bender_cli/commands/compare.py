@@ -92,7 +92,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _subject(arguments: argparse.Namespace) -> str:
-    return f"the model {Path(arguments.model or 'paper').stem}" if arguments.fmu is None else arguments.fmu.name
+    from piezo_bender.comparisons import model_words
+
+    return model_words(arguments.model or "paper") if arguments.fmu is None else arguments.fmu.name
 
 
 def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:

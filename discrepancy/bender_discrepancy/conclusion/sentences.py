@@ -76,7 +76,8 @@ def headline(findings: Findings, measured: Measured) -> str:
 
 def share_of_stroke(settings: Settings) -> str:
     """Return the part of the stroke that is material to nobody, and the option that sets it."""
-    return f"{100.0 * settings.relevant:g} % of the stroke (--relevant)"
+    whole = "range of the readings" if is_other_rig() else "stroke"
+    return f"{100.0 * settings.relevant:g} % of the {whole} (--relevant)"
 
 
 def _likely(findings: Findings) -> str:

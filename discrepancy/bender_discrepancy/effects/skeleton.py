@@ -71,6 +71,7 @@ COVERED = {{"{size}": (0.1, 10.0)}}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    # an amplitude has either sign; a size of 0 or more is a `growth`, or a `scale` where it spans decades
     # numbers in V and um, 1/um2 or um/V are scaled to the records by `sized`; those without a unit or in s are not
     size = sizes.sized(amplitude("{size}", 0.1, 20.0), COVERED["{size}"], "{unit}")
     return (simple("{id}", size),)
@@ -98,6 +99,7 @@ from typing import Any
 
 import numpy as np
 
+# TODO: VOLTS_V = np.array([...]) in the place of the stairs, where these do not show the effect
 PARAMETERS: list[dict[str, Any]] = [{{"{size}": 1.0}}]
 
 
@@ -152,4 +154,4 @@ def _with_line(chain: str, effect_id: str, stage: str) -> str:
     line = f'    "{last}",\n'
     if chain.count(line) != 1:
         raise ValueError(f"{CHAIN}: found the line of {last!r} {chain.count(line)} times, expected once")
-    return chain.replace(line, f'{line}    "{effect_id}",\n')
+    return chain.replace(line, f'{line}    "{effect_id}",  # TODO: move to its place in the chain of the stage\n')

@@ -40,6 +40,7 @@ def diagnosed_outputs(
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.errors import RunError
+    from bender_loop.shell.run import going_on
 
     folders = _folders(arguments, columns)
     records = _records(arguments, columns)
@@ -56,7 +57,7 @@ def diagnosed_outputs(
     if problem is not None:
         raise RunError(f"{problem}; {told}")
     if found is None:
-        sys.stderr.write(f"bender: interrupted; {told}; go on with --resume {arguments.out}\n")
+        sys.stderr.write(f"bender: interrupted; {told}; go on with: {going_on('--resume', arguments.out)}\n")
         return INTERRUPTED
     (arguments.out / UNFINISHED).unlink(missing_ok=True)
     _say(found, arguments.out)

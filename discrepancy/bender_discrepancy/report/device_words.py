@@ -9,6 +9,8 @@ _OF_BENDERS = (
     ("the electrode", "the device"),
     ("the tip", "the output"),
     ("the beam", "the device"),
+    ("second bending mode", "second mode"),
+    ("stroke", "range of the readings"),
     ("of the bending modes", "of the modes"),
     ("lens", "curved reading"),
     ("the supply", "the source"),

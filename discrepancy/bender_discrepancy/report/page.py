@@ -30,6 +30,7 @@ from bender_discrepancy.report.effect_pictures import component_charts
 from bender_discrepancy.report.effect_sections import effect_sections, how_sure
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_discrepancy.report.visible_section import never_visible, visible_rows
+from bender_discrepancy.structures import AUTO
 from bender_plant.model import Model
 from bender_report.page import render_template
 from bender_report.wording import (
@@ -164,6 +165,8 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
 def _model_words(base: Model) -> str:
     """Return the name of the model as given, with its structure where that was found in the records."""
     structure = base.description.partition(f"{FROM_RECORDS}: ")[2].partition(";")[0]
+    if structure and base.name.startswith(f"{AUTO} "):
+        return f"{structure}, from these records"
     return f"{base.name} ({structure})" if structure else base.name
 
 

@@ -12,6 +12,7 @@ choice          which structure the records support
 | `choice` | which structure the records support: by what it simulates of blocks that its fit has not seen |
 | `command` | `bender model fit RECORD...`: a first model from records alone, as a model file and an FMU |
 | `course` | what the input does between the rows, told by the records |
+| `direction` | whether a record runs the other way: its input follows its reading |
 | `excerpt` | a part of a long record that is enough to choose a structure |
 | `fit` | one structure fitted by the error of the simulated readings; gain and offsets are solved for inside |
 | `frequency_start` | starts by way of the frequency response: a rational function through it, for every delay |

@@ -53,10 +53,12 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: a record or an option cannot be used, or the records excite nothing, or no structure follows them.
     """
+    from bender_identify.first_model.direction import direction_sentence
     from bender_identify.first_model.learned import learn
     from bender_loop.records.arguments import record_of
     from bender_loop.records.record import in_units_of
     from bender_loop.shell.progress import Progress
+    from bender_loop.shell.run import remark
 
     place = _place(arguments)
     records = in_units_of([record_of(arguments, path) for path in arguments.records])
@@ -76,6 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
         found, model = learn(experiments, named.stem, quantities, tell, only)
     written = _write(place, model, found, quantities)
     _print(found, quantities, written, is_free=only is None)
+    if told := direction_sentence(records):
+        remark(told)
     return 0
 
 

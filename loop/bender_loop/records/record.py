@@ -6,7 +6,7 @@ row. Where `command_time_s` is given, the voltage acts from then.
 
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,10 +15,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.records.columns import (
+    COLUMNS,
+    Choice,
+    Column,
+    chosen_columns,
+    column_names,
+    known_key,
+    missing_columns,
+    pairs_of,
+)
 from bender_loop.records.further import Further
 from bender_loop.shell.files import write_atomically
 from bender_loop.tables import units as unit_tables
-from bender_loop.tables.column_choice import by_number, positional, usual_columns, with_heading
+from bender_loop.tables.column_choice import with_heading
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, compact, factor, is_known
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
@@ -30,28 +40,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Column(NamedTuple):
-    """One column: its name in a record, the units it may come in, whether it must be there and may have gaps."""
-
-    field: str
-    scales: dict[str, unit_tables.Scale]
-    required: bool
-    gaps: bool
-
-
-COLUMNS: dict[str, Column] = {
-    "time": Column("time_s", unit_tables.TIME_S, required=True, gaps=False),
-    "voltage": Column("voltage_V", unit_tables.VOLTAGE_V, required=True, gaps=False),
-    "displacement": Column("displacement_um", unit_tables.LENGTH_UM, required=True, gaps=True),
-    "command_time": Column("command_time_s", unit_tables.TIME_S, required=False, gaps=False),
-    "supply_voltage": Column("supply_voltage_V", unit_tables.VOLTAGE_V, required=False, gaps=True),
-    "setpoint": Column("setpoint_um", unit_tables.LENGTH_UM, required=False, gaps=True),
-    "current": Column("current_A", unit_tables.CURRENT_A, required=False, gaps=True),
-    "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
-    "electrode_voltage": Column("electrode_voltage_V", unit_tables.VOLTAGE_V, required=False, gaps=True),
-    "exposure": Column("exposure_s", unit_tables.TIME_S, required=False, gaps=False),
-}
 _ROWS_AT_A_TIME = 1 << 16
+_EVEN = 1.5
+"""Times the median: steps of a column of times stay below."""
 _GAPS = {column.field: column.gaps for column in COLUMNS.values()}
 
 
@@ -199,45 +190,21 @@ def read_record(
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
     """
-    names = _column_names(columns)
+    names = column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     usual = [column.field for column in COLUMNS.values()]
     beside = dict(further or {})
     wanted = [*names.values(), *usual, *beside.values(), *(x for x in (reading, command) if x)]
     table = read_any_table(path, layout, wanted, progress)
-    names = {key: by_number(name, table.header) for key, name in names.items()}
-    if not names and not any(name in table for name in usual):
-        names = usual_columns(table.header, table.units)
-    chosen = {"voltage": command, "displacement": reading}
-    names |= _columns_of_variables(table, chosen, variables or {}, set(_column_names(columns)))
-    record = _record_of(table, names, scales, tell, variables or {})
+    choice = chosen_columns(table, columns, {"voltage": command, "displacement": reading}, variables, beside.values())
+    record = _record_of(table, choice, scales, tell, variables or {})
     if tell is not None:
-        read = {*names.values(), *usual, *beside.values()}
+        read = {*choice.names.values(), *usual, *beside.values()}
         for name, sentence in (unread or {}).items():
             heading = with_heading(name, table.header)
             if heading in table and heading not in read:
                 tell(sentence)
     return replace(record, further=tuple(_further(table, *x) for x in beside.items())) if beside else record
-
-
-def _columns_of_variables(
-    table: Table | ColumnTable, chosen: Mapping[str, str | None], variables: "Mapping[str, Variable]", named: set[str]
-) -> dict[str, str]:
-    """Return the columns chosen for the variables of a plant, or called as they are, and the usual one of time."""
-    found = {key: with_heading(column, table.header) for key, column in chosen.items() if column is not None}
-    found |= {
-        key: heading
-        for key, variable in variables.items()
-        if key not in named | found.keys()
-        and COLUMNS[key].field not in table
-        and (heading := with_heading(variable.name, table.header)) in table
-    }
-    if found and "time" not in named and COLUMNS["time"].field not in table:
-        others = [k for k, name in enumerate(table.header) if name not in found.values()]
-        units = [table.units[k] for k in others] if table.units else ()
-        usual = usual_columns([table.header[k] for k in others], units)
-        found |= {key: name for key, name in usual.items() if key == "time"}
-    return found
 
 
 def _further(table: Table | ColumnTable, name: str, column: str) -> Further:
@@ -272,23 +239,24 @@ def record_from_columns(
     Raises:
         InputError: naming the table, the row (from 0), the column, what was found and what was expected.
     """
-    names = _column_names(columns)
+    names = column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     table = ColumnTable(name, given)
-    if not names and not any(column.field in table for column in COLUMNS.values()):
-        names = usual_columns(table.header, table.units)
-    names = {key: by_number(name, table.header) for key, name in names.items()}
-    names |= _columns_of_variables(table, {"displacement": reading}, variables or {}, set(_column_names(columns)))
-    record = _record_of(table, names, scales, None, variables or {})
+    choice = chosen_columns(table, columns, {"displacement": reading}, variables, (further or {}).values())
+    record = _record_of(table, choice, scales, None, variables or {})
     beside = tuple(_further(table, *x) for x in (further or {}).items())
     return replace(record, further=beside) if beside else record
 
 
 class Origin(NamedTuple):
-    """Where a column of a record comes from: its name in the table, and its scale, or its unit as it is written."""
+    """Where a column of a record comes from: its name in the table, and its scale, or its unit as it is written.
+
+    `is_stated`: whether anything says the unit.
+    """
 
     name: str
     scale: unit_tables.Scale | str
+    is_stated: bool = True
 
 
 def origins_in(table: Table, columns: str | None, units: str | None) -> dict[str, Origin]:
@@ -302,12 +270,9 @@ def origins_in(table: Table, columns: str | None, units: str | None) -> dict[str
     Raises:
         InputError: a column is missing, or an option or a unit is not known.
     """
-    names = _column_names(columns)
+    names = column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
-    names = {key: by_number(name, table.header) for key, name in names.items()}
-    if not names and not any(column.field in table for column in COLUMNS.values()):
-        names = usual_columns(table.header, table.units)
-    return dict(_origins(table, names, scales, {}))
+    return dict(_origins(table, chosen_columns(table, columns).names, scales, {}))
 
 
 def checked_options(columns: str | None, units: str | None) -> None:
@@ -316,7 +281,7 @@ def checked_options(columns: str | None, units: str | None) -> None:
     Raises:
         InputError: a key or a unit is not known.
     """
-    _column_scales(units, list(_column_names(columns)) or ["time", "voltage", "displacement"])
+    _column_scales(units, list(column_names(columns)) or ["time", "voltage", "displacement"])
 
 
 def _origins(
@@ -325,26 +290,23 @@ def _origins(
     scales: Mapping[str, unit_tables.Scale | str],
     variables: "Mapping[str, Variable]",
 ) -> Iterator[tuple[str, Origin]]:
+    if (missing := missing_columns(table, names, variables)) is not None:
+        raise missing
     for key, column in COLUMNS.items():
         name = names.get(key, column.field)
-        if not column.required and key not in names and name not in table:
-            continue
         if key not in names and name not in table:
-            others = unit_tables.near(name, table.header)
-            hint = f"if it has another name: {table.column_hint.format(key)}"
-            sought = f"{name} or {variables[key].name}" if key in variables else name
-            raise InputError(f"{table.heading}, column {sought}: no such column; {others}; {hint}")
+            continue
         told = scales.get(key)
         if not told and name in table:
             told = _scale_in_file(table, name, column, key)
         if not told and key in variables:
             told = _unit_of_variable(column, key, variables[key])
-        yield key, Origin(name, told or (1.0, 1.0))
+        yield key, Origin(name, told or (1.0, 1.0), bool(told))
 
 
 def _record_of(
     table: Table | ColumnTable,
-    names: Mapping[str, str],
+    choice: Choice,
     scales: Mapping[str, unit_tables.Scale | str],
     tell: Callable[[str], None] | None,
     variables: "Mapping[str, Variable]",
@@ -353,7 +315,8 @@ def _record_of(
     sources: dict[str, str] = {}
     own: dict[str, str] = {}
     stated: dict[str, str] = {}
-    for key, (name, scale) in _origins(table, names, scales, variables):
+    unstated: dict[str, str] = {}
+    for key, (name, scale, is_stated) in _origins(table, choice.names, scales, variables):
         column = COLUMNS[key]
         numbers = table.numbers(name, gaps=column.gaps)
         if isinstance(scale, str):
@@ -362,26 +325,69 @@ def _record_of(
             scale = (times, 1.0) if times >= 1.0 else (1.0, round(1.0 / times))
         else:
             stated[key] = next((unit for unit, x in column.scales.items() if x == scale), "")
+            if not is_stated and not (key == "displacement" and key in variables and not variables[key].unit):
+                unstated[name] = stated[key].replace("um", "µm")
         multiplier, divisor = scale
         with np.errstate(all="ignore"):  # what is no finite number then is named below
             values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
-        raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
+        raise InputError(
+            f"{table.path}: found {len(table)} {'row' if len(table) == 1 else 'rows'} below the header, expected at "
+            "least 2; a diagnosis or a first model needs 40"
+        )
     fault = _first_fault(values)
     if fault is not None:
+        if fault.column == "time_s" and fault.row and np.all(np.isfinite(values["time_s"])):
+            raise _backwards(table, fault.row, sources, stated["time"], values)
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
-    if tell is not None and table.told:
-        words = {
-            "voltage_V": own.get("voltage") and "command",
-            "displacement_um": own.get("displacement") and "reading",
-        }
-        pairs = ", ".join(f"{words.get(field) or field} from {name!r}" for field, name in sources.items())
-        tell(f"{table.path}: read with {table.told}; {pairs}")
+    if tell is not None:
+        for line in [*_told(table, choice.found, sources, own), *_doubts(table, unstated, stated)]:
+            tell(line)
     said = (stated.get("voltage", ""), stated.get("displacement", ""))
     quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
     columns: dict[str, Any] = values
     return Record(**columns, quantities=quantities)
+
+
+def _told(
+    table: Table | ColumnTable, found: Collection[str], sources: Mapping[str, str], own: Mapping[str, str]
+) -> Iterator[str]:
+    """Return how a table was read that is not in the form of a record, and which of its columns were found."""
+    words = {
+        "voltage_V": own.get("voltage") and "input",
+        "displacement_um": own.get("displacement") and "reading",
+    }
+    if table.told or found:
+        pairs = ", ".join(f"{words.get(field) or field} from {name!r}" for field, name in sources.items())
+        yield f"{table.path}: " + (f"read with {table.told}; {pairs}" if table.told else pairs)
+
+
+def _backwards(
+    table: Table | ColumnTable, row: int, sources: Mapping[str, str], unit: str, values: Mapping[str, Array]
+) -> InputError:
+    """Return what is said where time does not rise, in the unit of the file."""
+    name, command = sources["time_s"], sources["voltage_V"]
+    before, here = (float(x) for x in table.numbers(name)[row - 1 : row + 1])
+    steps = np.diff(values["voltage_V"])
+    if np.all(steps > 0.0) and float(steps.max()) < _EVEN * float(np.median(steps)):
+        advice = f"{command} rises evenly: if the columns are swapped, --columns time={command},voltage={name}"
+    elif here == before:
+        advice = "keep one row of each time"
+    else:
+        advice = "sort the rows by time, or make a record of each part where it starts anew"
+    return table.fault(row, name, f"{here!r} {unit}", f"more than {before!r} {unit} of the row before; {advice}")
+
+
+def _doubts(table: Table | ColumnTable, unstated: Mapping[str, str], stated: Mapping[str, str]) -> Iterator[str]:
+    """Return what is said of units that nobody names, by heading what they are taken as, and of unknown ones."""
+    if unstated:
+        names, units = ", ".join(map(repr, unstated)), ", ".join(unstated.values())
+        yield f"{table.path}: no unit found in {names}, taken as {units} (--units says it)"
+    for key in ("voltage", "displacement"):
+        unit = stated.get(key, "")
+        if unit not in ("", "-") and unit_tables.find(COLUMNS[key].scales, unit) is None and not is_known(unit):
+            yield f"{table.path}: {unit!r} is no known unit; the numbers stay as they are, and are called so"
 
 
 def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: str) -> unit_tables.Scale | str | None:
@@ -495,24 +501,11 @@ def _seconds(value: float) -> str:
     return f"{float(value)!r} s"
 
 
-def _column_names(columns: str | Mapping[str, str] | None) -> dict[str, str]:
-    if columns is None:
-        return {}
-    if isinstance(columns, str) and (named := positional(columns, list(COLUMNS))) is not None:
-        return named
-    pairs = list(columns.items()) if isinstance(columns, Mapping) else _pairs("--columns", columns)
-    for key, _ in pairs:
-        _known_key("--columns", key)
-    if len({key for key, _ in pairs}) != len(pairs):
-        raise InputError(f"--columns: found a column named twice in {columns!r}, expected each once")
-    return dict(pairs)
-
-
 def _column_scales(units: str | None, order: list[str]) -> dict[str, unit_tables.Scale | str]:
     if units is None:
         return {}
     if "=" in units:
-        pairs = _pairs("--units", units)
+        pairs = pairs_of("--units", units)
     else:
         entries = [entry.strip() for entry in units.split(",")]
         if len(entries) != len(order):
@@ -520,26 +513,10 @@ def _column_scales(units: str | None, order: list[str]) -> dict[str, unit_tables
         pairs = list(zip(order, entries, strict=True))
     scales = {}
     for key, unit in pairs:
-        column = COLUMNS[_known_key("--units", key)]
+        column = COLUMNS[known_key("--units", key)]
         scale = _scale_of(column, key, unit)
         if scale is None:
             others = ", or of another quantity, as bar or mm/s" if key in ("voltage", "displacement") else ""
             raise InputError(f"--units: found {unit!r} for {key}, expected one of {', '.join(column.scales)}{others}")
         scales[key] = scale
     return scales
-
-
-def _pairs(option: str, text: str) -> list[tuple[str, str]]:
-    pairs = []
-    for entry in text.split(","):
-        key, equals, name = (part.strip() for part in entry.partition("="))
-        if not (key and equals and name):
-            raise InputError(f"{option}: found {entry.strip()!r}, expected entries like time=t with a comma between")
-        pairs.append((key, name))
-    return pairs
-
-
-def _known_key(option: str, key: str) -> str:
-    if key not in COLUMNS:
-        raise InputError(f"{option}: found {key!r}, expected one of {', '.join(COLUMNS)}")
-    return key

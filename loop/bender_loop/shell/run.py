@@ -123,6 +123,15 @@ def _working_folder() -> str:
         return "a folder that has been removed"
 
 
+def going_on(option: str, folder: Path) -> str:
+    """Return the command of this run with an option that goes on from a folder, quoted for a shell."""
+    run = current()
+    words = shlex.split(run.command) if run is not None else []
+    for k in [k for k, word in enumerate(words) if word == option or word.startswith(f"{option}=")][::-1]:
+        del words[k : k + (2 if words[k] == option else 1)]
+    return shlex.join([*words, option, str(folder)])
+
+
 def command_line(words: Sequence[str]) -> str:
     """Return the words after `bender` as one line that a shell would read as these words."""
     return shlex.join(["bender", *words])

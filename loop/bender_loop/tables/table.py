@@ -18,6 +18,8 @@ from bender_loop.tables.text_blocks import CellError, Progress, TextBlocks, text
 from bender_loop.tables.text_layout import Cells, TextLayout, cells_of, decoded, number, outline
 from bender_loop.tables.units import near
 
+_NUMBER = {False: "a number", True: "a number; leave the cell empty where the reading is missing"}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
@@ -73,13 +75,13 @@ class Table:
             try:
                 return self.blocks.column(index, name, gaps)
             except CellError as error:
-                raise self.fault(error.row, name, repr(error.cell), "a number") from None
+                raise self.fault(error.row, name, repr(error.cell), _NUMBER[gaps]) from None
         values = np.empty(len(self.rows))
         for row, cells in enumerate(self.rows):
             try:
                 values[row] = _number(cells[index], gaps, self.decimal)
             except ValueError:
-                raise self.fault(row, name, repr(cells[index]), "a number") from None
+                raise self.fault(row, name, repr(cells[index]), _NUMBER[gaps]) from None
         return values
 
     def fault(self, row: int, name: str, found: str, expected: str) -> InputError:
@@ -141,7 +143,8 @@ class ColumnTable:
             try:
                 found[row] = math.nan if gaps and value is None else float(value)
             except (TypeError, ValueError):
-                raise self.fault(row, name, repr(value), "a number") from None
+                expected = "a number; None where it is missing" if gaps else "a number"
+                raise self.fault(row, name, repr(value), expected) from None
         return found
 
     def fault(self, row: int, name: str, found: str, expected: str) -> InputError:

@@ -29,6 +29,15 @@ _BRACKETED = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _SLASHED = re.compile(r"(?:.*\S\s+/\s+|[^\s/]+/)(\S+)")
 _QUOTIENT = re.compile(r".*[_ ]([^\s_/]+/[^\s_/]+)")
 
+_AT_END = re.compile(r"(.*[^\s_].*)_([^\W\d_]+)")
+_MARKED = re.compile(r"[a-zµμ]+[A-Z][A-Za-z]*|[A-Z]{2}[a-z]+")
+_DRIVEN_BY_CURRENT = re.compile(r"(?:^|[\W_])(?:i|current|strom|drive|command|coil|input|u)$", re.IGNORECASE)
+_USUAL_ENDINGS = frozenset({
+    "V", "N", "K", "W", "Nm", "Pa", "Hz", "percent", "pct", "rpm", "rps", "bar", "mbar", "psi", "degC", "degF",
+    "celsius", "kelvin", "deg", "rad", "ms", "us", "ns", "sec", "seconds", "msec", "usec", "um", "µm", "μm", "nm", "mm",
+    "cm", "km", "inch", "volt", "volts", "ohm", "kg", "mg", "ppm", "kph", "mps",
+})  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class TextLayout:
@@ -222,7 +231,8 @@ def _end_of_line(text: str, lines: int) -> int:
 def unit_in_heading(name: str) -> str:
     """Return the unit in a column's name; "" without one.
 
-    In brackets at its end, a quotient behind it (`speed_rad/s`), or behind a slash (`t / ms`).
+    In brackets at its end, a quotient behind it (`speed_rad/s`), behind a slash (`t / ms`), or behind the last
+    underscore (`T_degC`).
     """
     if in_brackets := _in_brackets(name):
         return in_brackets
@@ -230,7 +240,24 @@ def unit_in_heading(name: str) -> str:
         told = form.fullmatch(name.strip())
         if told and is_known(told.group(1)):
             return told.group(1)
-    return ""
+    return unit_at_end(name)
+
+
+def unit_at_end(name: str) -> str:
+    """Return the unit behind the last underscore of a column's name, "" where what stands there may be a word.
+
+    Short units are words too (`x_in`, `y_min`, `sensor_a`): a lone letter counts where it is usual, more of them in
+    small letters where they are listed, others where a prefix or a capital inside marks them (`kPa`, `degC`).
+    """
+    told = _AT_END.fullmatch(name.strip())
+    if told is None:
+        return ""
+    before, unit = told.groups()
+    if unit == "A":
+        return unit if _DRIVEN_BY_CURRENT.search(before) else ""
+    if unit in _USUAL_ENDINGS:
+        return unit
+    return unit if _MARKED.fullmatch(unit) and is_known(unit) else ""
 
 
 def _in_brackets(name: str) -> str:

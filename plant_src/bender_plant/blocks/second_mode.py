@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 ID = "second_mode"
 STAGE = "structure"
-TITLE = "A second bending mode"
+TITLE = "A second mode"
 MEMORY = True
 BESIDE = "quasi_static"
 

@@ -176,7 +176,7 @@ def _without_unlikely(rivals: Sequence[str]) -> str:
     if not rivals:
         return ""
     named = f"{listed(rivals, 'or')}, of which the diagnosis left {'a model' if len(rivals) == 1 else 'models'}"
-    return f"no bound has to be kept with {named}: a probability below {LEAST_PROBABILITY:g}"
+    return f"no bound has to be kept with {named}: a probability of {LEAST_PROBABILITY:g} or less"
 
 
 def run_session(

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.errors import InputError
-from bender_loop.records.record import COLUMNS, Origin, checked_options, origins_in
+from bender_loop.records.columns import COLUMNS
+from bender_loop.records.record import Origin, checked_options, origins_in
 from bender_loop.tables.column_choice import with_heading
 from bender_loop.tables.quantities import Quantities, factor
 from bender_loop.tables.table import Table

@@ -46,7 +46,7 @@ def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
 
 EFFECT = Effect(
     id="second_mode",
-    summary="a second bending mode carries part of the displacement and rings above the first",
+    summary="a second mode carries part of the displacement and rings above the first",
     in_general="a second mode carries part of the output and rings at a frequency of its own",
     signature=(
         "After steps a quick ringing on top of the slow one; in the spectrum a line at 6.27 times the first "
@@ -65,7 +65,6 @@ EFFECT = Effect(
         "damping_ratio": (0.005, 0.1, "as for the first mode"),
     },
     covered=COVERED,
-    elsewhere="A second mode",
     drive="high_chirp",
     view="frequency",
     example={"share": 0.079, "frequency_Hz": 654.1},
