@@ -22,6 +22,7 @@ from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.origin import with_origin
 from bender_discrepancy.conclusion.smallest_visible import smallest_visible
 from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.joined import with_equation
 from bender_discrepancy.equation.lead import find_lead
 from bender_discrepancy.experiment.proposal import propose
@@ -38,6 +39,7 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import between_rows_decided, competing_structures
 from bender_identify.records.memory import memory_s
 from bender_loop.errors import InputError, RunError
+from bender_loop.records.common_units import in_units_of
 from bender_loop.records.missing_rows import completed, without_remembered
 from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
@@ -99,6 +101,9 @@ def diagnose(
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("comparing the records with the model")
+    # of a piezo bender another quantity is refused below, with what to do
+    wanted = None if base is None or is_piezo_bender(base) else base.units
+    records = in_units_of(records, wanted, sources)
     measured = [without_zero_move(without_repeats(printed(x))) for x in records]
     records = measured if how.untimed else [completed(x) for x in measured]
     given, others = base, ()

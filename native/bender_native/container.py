@@ -309,6 +309,7 @@ def _described(entries: Mapping[str, bytes], original: Element, corrected: Corre
         "generationDateAndTime": generation_date(),
     }
     _with_units(root, original, corrected.units)
+    _with_descriptions(root, original)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
@@ -337,6 +338,15 @@ def _with_units(root: Element, original: Element, taken: Mapping[str, str]) -> N
         unit = units.get(variable.attrib["name"])
         if number is not None and unit and variable.get("causality") in ("input", "output"):
             number.set("unit", unit)
+
+
+def _with_descriptions(root: Element, original: Element) -> None:
+    """Give inputs and outputs the words that they have in the original: what 1 V stands for may be among them."""
+    ports = [x for x in original.find("ModelVariables") or () if x.get("causality") in ("input", "output")]
+    words = {x.attrib["name"]: x.attrib["description"] for x in ports if x.get("description")}
+    for variable in root.iter("ScalarVariable"):
+        if variable.get("causality") in ("input", "output") and variable.attrib["name"] in words:
+            variable.set("description", words[variable.attrib["name"]])
 
 
 def _licence() -> bytes:

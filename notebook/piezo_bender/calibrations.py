@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 from bender_discrepancy.foreign.calibrate_command import RESULT, facts
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate_fmu
 from bender_loop.errors import InputError
+from bender_loop.records.common_units import in_units_of
 from bender_loop.records.drive import InputHold
-from bender_loop.records.record import in_units_of
 from bender_loop.records.variables import variables_of
 from bender_report.palette import light
 from bender_report.wording import unit_text
@@ -139,7 +139,7 @@ def calibrate(
     path = Path(fmu)
     named = variables_of(path, input_name, output_name)
     loaded = several(records, columns, units, further, reading, named)
-    own = in_units_of([x.record for x in loaded])
+    own = in_units_of([x.record for x in loaded], None, [x.source for x in loaded])
     found = calibrate_fmu(
         path,
         own,

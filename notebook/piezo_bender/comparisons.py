@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_discrepancy.records.checks import refuse_other_device
 from bender_loop.errors import InputError
+from bender_loop.records.common_units import driven_in, in_units_of
 from bender_loop.records.compare import Comparison, require_readings
 from bender_loop.records.compare import compare as compare_readings
 from bender_loop.records.drive import InputHold
 from bender_loop.records.replay import Replay, replay
 from bender_loop.records.sizes import check_sizes, check_work
 from bender_loop.records.variables import variables_of
-from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
+from bender_loop.tables.quantities import MICROMETRE, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import shown_in, unit_text
@@ -228,19 +230,22 @@ def compare(
     require_readings(loaded.displacement_um)
     if fmu is None and not untimed:
         check_work(loaded.source, float(np.ptp(loaded.time_s)), _longest_step_s(given), MOST_STEPS)
-    path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
     quantities = loaded.record.quantities
-    if fmu is None and quantities[:2] != USUAL[:2]:
-        found = " and ".join(quantities[:2])
-        raise InputError(f"{loaded.source}: found columns in {found}, expected V and a length for a model")
+    remark = ""
+    if fmu is None:
+        plant_model = _loaded(given)
+        refuse_other_device(plant_model, loaded.source, quantities)
+        of_model = in_units_of([loaded.record], plant_model.units, [loaded.source])[0]
+        if plant_model.valid is not None:
+            remark = plant_model.valid.left_by(of_model.voltage_V.tolist(), of_model.quantities.command)
+        quantities = driven_in(quantities, plant_model.units)
+    path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
     names = (input_name, output_name)
     with _opened(path, fmu is not None, names, progress, parameters or {}, quantities) as plant:
         hold = cast(InputHold, input_hold)
         replayed = replay(plant, loaded.record, input_hold=hold, untimed=untimed)
     figures = compare_readings(loaded.displacement_um, replayed.simulated_um)
     foreign = None if fmu is None else str(fmu)
-    valid = _loaded(given).valid if fmu is None else None
-    remark = valid.left_by(loaded.voltage_V.tolist(), quantities[0]) if valid is not None else ""
     return RecordComparison(
         loaded, subject, name, foreign, input_hold, untimed, replayed, figures, dict(parameters or {}), remark
     )
@@ -300,7 +305,8 @@ def _opened(
     if foreign:
         plant = WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress, quantities=quantities)
         return plant.with_parameters(parameters)
-    return _CountingPlant(FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters), progress)
+    plant = FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters, quantities=quantities)
+    return _CountingPlant(plant, progress)
 
 
 def _plant_fmu(model: str | Path | Model) -> tuple[Path, str, str]:

@@ -12,7 +12,7 @@ from bender_identify.first_model.report import choice_sentence, facts, sentences
 from bender_identify.first_model.report import columns as table_columns
 from bender_identify.first_model.structures import TEMPLATES
 from bender_identify.settings import InputHold
-from bender_loop.records.record import in_units_of
+from bender_loop.records.common_units import in_units_of
 from bender_loop.tables.quantities import Quantities
 from bender_report.palette import light
 from bender_report.wording import unit_text
@@ -131,7 +131,7 @@ def fit_model(
     one_of("template", template, ("auto", *TEMPLATES))
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     loaded = several(records, columns, units)
-    own = in_units_of([x.record for x in loaded])
+    own = in_units_of([x.record for x in loaded], None, [x.source for x in loaded])
     hold = cast(InputHold | Literal["auto"], input_hold)
     experiments = experiments_of(own, [x.name for x in loaded], hold)
     named, quantities = name or Path(loaded[0].name).stem, own[0].quantities

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bender_discrepancy.effects.rigs import learned_commands
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
@@ -25,7 +26,7 @@ from bender_tuner.task.session import (
 )
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.diagnoses import as_saved
-from piezo_bender.models import AnyModel, file_or_model
+from piezo_bender.models import AnyModel, file_or_model, load_model
 from piezo_bender.shared import (
     Progress,
     axes_or_new,
@@ -192,8 +193,8 @@ def tune(
         exposure_s: s, 0.015 at most (0 with "mse"); a frame shows the mean over this time.
         noise_um: µm, 0; standard deviation of the readings in the runs of the search.
         duration_s: s, 2, or 60 frames where that is longer; length of a run.
-        lower_V: V, 0; smallest command.
-        upper_V: V, 50; largest command.
+        lower_V: V, 0; smallest command. Of a model of another device than a piezo bender: that it was learned from.
+        upper_V: V, 50; largest command. As above.
         slew_V_per_s: V/s, inf; fastest change of the command.
         evaluations: runs, 151; budget of each search.
         seed: 0; of searches, noise and plants drawn at random.
@@ -219,9 +220,16 @@ def tune(
     """
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
-    wanted = make_settings(**settings)
+    given = {name: value for name, value in settings.items() if value is not None}
+    wanted = make_settings(**(given if fmu is not None else _learned_limits(model) | given))
     with as_saved(model) as kept:
         return _tuned(kept, fmu, input_name, output_name, units, wanted, follow_model, progress)
+
+
+def _learned_limits(model: AnyModel | None) -> dict[str, float]:
+    """Return the range of commands that a model of another device was learned from; nothing for a piezo bender."""
+    learned = None if model is None else learned_commands(load_model(model).model)
+    return {} if learned is None else dict(zip(("lower_V", "upper_V"), learned, strict=True))
 
 
 def _tuned(

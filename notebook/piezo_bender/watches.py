@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.records.common_units import in_units_of
 from bender_watch.baseline.learn import learn
 from bender_watch.command import summary_of
 from bender_watch.follow.rows import Rows
@@ -17,7 +18,7 @@ from bender_watch.session import EVENTS, REPORT, SUMMARY, lines_of
 from bender_watch.settings import Settings
 from bender_watch.watcher import Watcher
 from piezo_bender.models import AnyModel, load_model
-from piezo_bender.records import load_record, several
+from piezo_bender.records import LoadedRecord, load_record, several
 from piezo_bender.shared import (
     Progress,
     axes_or_new,
@@ -186,7 +187,8 @@ def start_watch(
     linear = input_hold == "linear"
     settings = Settings(rows_between_false_alarms, linear=linear, diagnose=diagnose, explain_rows=explain_rows)
     plant = load_model("paper" if model is None else model).model
-    known = load_record(training, columns, units)
+    given = load_record(training, columns, units)
+    known = LoadedRecord(in_units_of([given.record], plant.units, [given.source])[0], given.source)
     baseline = learn(plant, known.record, rows_between_false_alarms, linear=linear, name=known.source, tell=progress)
     quantities = known.record.quantities
     return LiveWatch(
@@ -238,8 +240,9 @@ def watch(
     )
     watcher = live.watcher
     events: list[dict[str, Any]] = []
+    kept = watcher.training.quantities[:2]
     for record in several(records, columns, units):
-        rows = Rows.of(record.record)
+        rows = Rows.of(in_units_of([record.record], kept, [record.source])[0])
         events += watcher.begin_record(record.source, rows)
         events += watcher.take(rows)
     events += watcher.finish()

@@ -81,6 +81,11 @@ class Model:
         for settings in self.blocks:
             BLOCKS[settings.id].constants(settings.parameters, self.beam)
 
+    @property
+    def units(self) -> tuple[str, str] | None:
+        """Units of commands and readings that 1 V and 1 um stand for; None where the model says nothing of them."""
+        return None if self.origin is None else (self.origin.command_unit, self.origin.reading_unit)
+
     def to_table(self) -> dict[str, Any]:
         """Return the model as the table that its TOML file holds."""
         table: dict[str, Any] = {"format": FORMAT, "name": self.name, "description": self.description}

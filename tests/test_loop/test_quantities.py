@@ -8,8 +8,9 @@ from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.records.record import in_units_of, read_record
-from bender_loop.tables.quantities import Quantities, compact, factor, is_known
+from bender_loop.records.common_units import in_units_of, told_in
+from bender_loop.records.record import Record, read_record
+from bender_loop.tables.quantities import MICROMETRE, VOLT, Quantities, compact, factor, is_known
 from bender_report.wording import axis_text, input_word, quantity, relabelled, shown_in
 
 TEXT = "time [ms],valve [bar],speed [mm/s]\n" + "\n".join(f"{100 * k},{k % 5},{0.5 * (k % 5)}" for k in range(60))
@@ -38,9 +39,10 @@ def test_what_cannot_be_converted(given: str, wanted: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("unit", "span", "shown"),
     [
-        ("N m", 3e-5, (1e6, "uN m")), ("N·m", 2e3, (1e-3, "kN·m")), ("m/s^2", 1e-5, (1e6, "um/s^2")),
+        ("N m", 3e-5, (1e6, "uN m")), ("N·m", 2e5, (1e-3, "kN·m")), ("m/s^2", 1e-5, (1e6, "um/s^2")),
         ("mm", 2e-3, (1e3, "um")), ("ml/min", 3e-3, (1e3, "ul/min")), ("m2", 1e-6, (1e6, "mm**2")),
         ("bar", 2.0, (1.0, "bar")), ("degC", 1e-3, (1.0, "degC")), ("beer", 1e-3, (1.0, "beer")),
+        ("rpm", 1080.0, (1.0, "rpm")), ("m/s", 0.02, (1.0, "m/s")), ("Pa", 1e5, (1.0, "Pa")),
     ],
 )  # fmt: skip
 def test_a_prefix_stands_before_the_unit_as_it_is_written(unit: str, span: float, shown: tuple[float, str]) -> None:
@@ -104,28 +106,78 @@ def test_an_fmu_is_brought_to_the_unit_of_the_record(unit: str, gain: float, tmp
         FmuPlant(fmu, quantities=Quantities("V", "bar"))
 
 
-@pytest.mark.parametrize("power", [-6, -3, 0, 3, 6])
+@pytest.mark.parametrize("power", [-9, -6, 0, 6, 9])
 def test_a_prefix_changes_no_number(power: int, tmp_path: Path) -> None:
-    """Scaling input and output by a thousand or a million gives the same numbers under another prefix."""
+    """Scaling input and output far beyond ordinary sizes gives the same numbers under another prefix."""
     rows = [(0.1 * k, 10.0**power * (k % 5), 10.0**-power * 37.0 * (k % 5)) for k in range(60)]
-    text = "\n".join(["t,u,y", *(",".join(map(repr, x)) for x in rows)]) + "\n"
-    (tmp_path / "rig.csv").write_text(text, encoding="utf-8")
-    record = read_record(tmp_path / "rig.csv", "t,u,y", "s,bar,m/s")
+    record = read_record(record_file(tmp_path / "rig.csv", rows), "t,u,y", "s,bar,m/s")
     assert np.allclose(record.voltage_V, np.arange(60) % 5, rtol=1e-12)
     assert np.allclose(record.displacement_um, 37.0 * (np.arange(60) % 5), rtol=1e-12)
-    prefix = {-6: "u", -3: "m", 0: "", 3: "k", 6: "M"}
+    prefix = {-9: "n", -6: "u", 0: "", 6: "M", 9: "G"}
     assert record.quantities[:2] == (f"{prefix[power]}bar", f"{prefix[-power]}m/s")
 
 
-def test_records_of_one_rig_come_to_one_unit(tmp_path: Path) -> None:
-    for name, largest in (("small", 0.9), ("large", 1.1)):
-        text = "t,u,y\n" + "\n".join(f"{k},{largest * (k % 2)},{k % 3}" for k in range(50))
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    both = [read_record(tmp_path / f"{x}.csv", "t,u,y", "s,bar,rpm") for x in ("small", "large")]
+def record_file(path: Path, rows: list[tuple[float, float, float]]) -> Path:
+    path.write_text("\n".join(["t,u,y", *(",".join(map(repr, x)) for x in rows)]) + "\n", encoding="utf-8")
+    return path
+
+
+def kept(quantities: Quantities, largest: float = 3.0) -> Record:
+    rows = np.arange(3.0)
+    return Record(rows, rows, np.array([0.0, largest, 1.0]), quantities=quantities)
+
+
+def test_records_of_one_rig_come_to_the_unit_of_the_largest(tmp_path: Path) -> None:
+    sizes = {"small": 0.009, "large": 1.1}
+    both = [
+        read_record(record_file(tmp_path / name, [(k, x * (k % 2), k % 3) for k in range(50)]), "t,u,y", "s,bar,rpm")
+        for name, x in sizes.items()
+    ]
     assert [x.quantities[0] for x in both] == ["mbar", "bar"]
-    alike = in_units_of(both)
-    assert {x.quantities[:2] for x in alike} == {("mbar", "rpm")}
-    assert alike[1].voltage_V.max() == pytest.approx(1100.0)
+    for order in (both, both[::-1]):
+        alike = in_units_of(order)
+        assert {x.quantities[:2] for x in alike} == {("bar", "rpm")}
+        assert sorted(x.voltage_V.max() for x in alike) == pytest.approx([0.009, 1.1])
+
+
+@pytest.mark.parametrize(
+    ("own", "model", "units", "largest"),
+    [
+        (("V", "rpm", ("V", "rpm")), ("V", "krpm"), ("V", "krpm"), 0.003),
+        (("V", "um", ("", "")), ("%", "K"), ("%", "K"), 3.0),
+        (("V", "um", ("V", "um")), ("V", "K"), ("V", "K"), 3.0),
+        (("V", "K", ("V", "K")), ("V", "um"), ("V", "K"), 3.0),
+        (("V", "K", ("V", "K")), ("", ""), ("V", "K"), 3.0),
+        (("V", "K", ("V", "K")), None, ("V", "K"), 3.0),
+    ],
+)
+def test_records_come_to_the_units_of_a_model(
+    own: tuple[str, str, tuple[str, str]], model: tuple[str, str] | None, units: tuple[str, str], largest: float
+) -> None:
+    (found,) = in_units_of([kept(Quantities(*own))], model)
+    assert found.quantities == Quantities(*units, own[2])
+    assert found.displacement_um.max() == pytest.approx(largest)
+
+
+@pytest.mark.parametrize("own", [("V", "degC", ("V", "degC")), ("V", "um", ("V", "mm"))])
+def test_another_quantity_than_that_of_the_model_is_refused_in_the_unit_of_the_file(
+    own: tuple[str, str, tuple[str, str]],
+) -> None:
+    with pytest.raises(InputError, match=rf"mine\.csv: found readings in {own[2][1]}, expected rpm .* --units"):
+        in_units_of([kept(Quantities(*own))], ("V", "rpm"), ["mine.csv"])
+
+
+@pytest.mark.parametrize(
+    ("own", "told"),
+    [
+        (("V", "krpm", ("mV", "rpm")), ("2000 mV", "1500 rpm")),
+        (("V", "um", ("V", "um")), ("2 V", "1.5 µm")),
+        (("V", "beer", ("", "beer")), ("2 V", "1.5 beer")),
+    ],
+)
+def test_numbers_are_told_in_the_unit_of_the_file(own: tuple[str, str, tuple[str, str]], told: tuple[str, str]) -> None:
+    record = kept(Quantities(*own))
+    assert (told_in(record, 2.0, VOLT), told_in(record, 1.5, MICROMETRE)) == told
 
 
 @needs_compiler

@@ -37,7 +37,7 @@ def arm_table() -> pd.DataFrame:
 
 
 @needs_compiler
-@pytest.mark.parametrize(("output", "unit"), [("tip", "um"), ("force", "mN")])
+@pytest.mark.parametrize(("output", "unit"), [("tip", "um"), ("force", "N")])
 def test_each_output_is_compared_under_all_inputs(arm_table: pd.DataFrame, tmp_path: Path, output: str, unit: str):
     arm = arm_fmu(tmp_path / "arm.fmu")
     found = pb.compare(arm_table, fmu=arm, further={"load": "load"}, input_name="command", output_name=output)

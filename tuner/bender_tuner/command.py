@@ -28,6 +28,8 @@ bender tune --fmu diagnosis/model.fmu --follow-model    # a controller that uses
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 
 INTERRUPTED, FAILED = 130, 1
+DEFAULT_LIMITS_V = (0.0, 50.0)
+"""Of the command, where nobody says others."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,7 +99,7 @@ def run(
 
 def settings_from(arguments: argparse.Namespace) -> TuneSettings:
     """The settings that the words on the command line stand for; InputError where they make no sense."""
-    lower_V, upper_V = arguments.voltage_limits
+    lower_V, upper_V = arguments.voltage_limits or DEFAULT_LIMITS_V
     iterations = arguments.iterations
     return make_settings(
         method=arguments.method,
@@ -174,9 +176,9 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
         "--voltage-limits",
         nargs=2,
         type=_number,
-        default=(0.0, 50.0),
         metavar=("LOW", "HIGH"),
-        help="bounds of the command in V (default: 0 50)",
+        help="bounds of the command in V (default: 0 50; with a --model of another device than a piezo bender, what it "
+        "was learned from)",
     )
     parser.add_argument(
         "--slew", type=_number, metavar="V_PER_S", help="limit on the rate of the command (default: none)"

@@ -105,8 +105,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _session(arguments: argparse.Namespace) -> "Session":
     from bender_loop.errors import InputError
+    from bender_loop.records.common_units import in_units_of
     from bender_loop.records.record import read_record
     from bender_loop.shell.bounded import refuse_no_file
+    from bender_loop.tables.quantities import Quantities
+    from bender_plant.model import Model
     from bender_watch.follow.heading import Naming
     from bender_watch.follow.sources import Source
     from bender_watch.session import Session
@@ -116,8 +119,11 @@ def _session(arguments: argparse.Namespace) -> "Session":
     training = None
     if arguments.training is not None:
         training = read_record(arguments.training, arguments.columns, arguments.units, tell=remark_held, unread=unread)
+    model = _model(arguments)
+    stated = model.units if isinstance(model, Model) else None
     interval_s = None
     if training is not None:
+        training = in_units_of([training], stated, [str(arguments.training)])[0]
         interval_s = float((training.time_s[-1] - training.time_s[0]) / (len(training) - 1))
     try:
         every = rows_of(arguments.between_false_alarms, interval_s)
@@ -133,16 +139,14 @@ def _session(arguments: argparse.Namespace) -> "Session":
         tolerance=arguments.tolerance / 100.0,
     )
     paths = [] if arguments.record == ["-"] else [Path(x) for x in arguments.record]
-    kept = None if training is None else training.quantities
+    kept = training.quantities if training is not None else None if stated is None else Quantities(*stated)
     naming = Naming(arguments.columns, arguments.units, kept, tuple(unread.items())).checked()
     source = Source(paths, naming, follow=not arguments.replay)
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such file, expected a record, a folder of records, a run, or - for stdin")
         refuse_no_file(path, "a record, a folder of records, a run, or - for stdin")
-    return Session(
-        _model(arguments), source, settings, arguments.out, training, _loop(arguments), _say(arguments), _tell
-    )
+    return Session(model, source, settings, arguments.out, training, _loop(arguments), _say(arguments), _tell)
 
 
 def _model(arguments: argparse.Namespace) -> Any:

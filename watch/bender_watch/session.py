@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.records.common_units import in_units_of
 from bender_loop.records.record import Record
 from bender_loop.shell.file_lock import locked
 from bender_loop.shell.files import check_directory, prepare_directory, write_atomically
@@ -170,7 +171,9 @@ class Session:
             return None
         every = _joined(self._first)
         self._first = []
-        self._learn(every.part(slice(0, self.settings.learn_rows)).record(), "the first rows")
+        first = every.part(slice(0, self.settings.learn_rows)).record()
+        units = self.model.units if isinstance(self.model, Model) else None
+        self._learn(in_units_of([first], units)[0], "the first rows")
         self._begin(self._record, every)
         return every
 

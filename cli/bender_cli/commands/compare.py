@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: both an FMU and a model are named, or the record or the plant cannot be used.
         RunError: the plant failed.
     """
-    from bender_loop.errors import InputError
+    from bender_loop.errors import InputError, RunError
     from bender_loop.fmu.process.watched import NATIVE_CODE
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
@@ -73,18 +73,22 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.fmu is not None:
         sys.stdout.write(f"{NATIVE_CODE}\n")
     total = None if arguments.untimed else steps_of_replay(record.record, arguments.input_hold)
-    with Progress(f"driving {_subject(arguments)}") as progress:
-        found = compare(
-            record,
-            arguments.model,
-            fmu=arguments.fmu,
-            input_name=arguments.input,
-            output_name=arguments.output,
-            input_hold=arguments.input_hold,
-            untimed=arguments.untimed,
-            parameters=start_values(arguments),
-            progress=lambda steps: progress.update(steps, total, "steps"),
-        )
+    try:
+        with Progress(f"driving {_subject(arguments)}") as progress:
+            found = compare(
+                record,
+                arguments.model,
+                fmu=arguments.fmu,
+                input_name=arguments.input,
+                output_name=arguments.output,
+                input_hold=arguments.input_hold,
+                untimed=arguments.untimed,
+                parameters=start_values(arguments),
+                progress=lambda steps: progress.update(steps, total, "steps"),
+            )
+    except (InputError, RunError) as error:
+        # here they are options, as the message had them at first
+        raise error.__cause__ if isinstance(error.__cause__, InputError | RunError) else error from None
     keep_earlier(arguments.out, "comparison.json", ["overlay.png"])
     found.save(arguments.out)
     _print(arguments, found)

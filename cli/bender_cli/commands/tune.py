@@ -28,7 +28,28 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
+    if arguments.model is not None:
+        _fit_to_device(arguments)
     return run_tuner(arguments, "paper" if arguments.model is None else arguments.model, _plant_fmu, _lacking_fmus)
+
+
+def _fit_to_device(arguments: argparse.Namespace) -> None:
+    """Take the range of commands of a model of another device, and say what is taken for it that nobody gave."""
+    from bender_discrepancy.effects.rigs import is_piezo_bender, learned_commands
+    from bender_discrepancy.records.checks import read_model
+    from bender_loop.shell.run import remark_held
+    from bender_tuner.command import DEFAULT_LIMITS_V
+
+    model = read_model(arguments.model)
+    if is_piezo_bender(model):
+        return
+    if arguments.voltage_limits is None:
+        learned = learned_commands(model)
+        low, high = arguments.voltage_limits = learned or DEFAULT_LIMITS_V
+        why = f"which {arguments.model} was learned from" if learned else f"as {arguments.model} does not say"
+        remark_held(f"commands from {low:g} to {high:g} {(model.units or ('V',))[0]}, {why}: --voltage-limits LOW HIGH")
+    if arguments.rate is None:
+        remark_held("the loop is seen as by a camera, 30 times a second: --rate, --latency and --exposure say yours")
 
 
 def _plant_fmu(model: str | Path) -> Path:

@@ -10,3 +10,14 @@ def is_piezo_bender(model: Model) -> bool:
     have no beam: a gain and a lag or a mode.
     """
     return model.beam is not None and any(x.piezoelectric_coefficient_C_per_N for x in model.beam.layers)
+
+
+def learned_commands(model: Model) -> tuple[float, float] | None:
+    """Return lowest and highest command that a model of another device was learned from, in its own unit.
+
+    None for a piezo bender, whose supply says how far it may go, and where the model does not say.
+    """
+    valid = model.valid
+    if is_piezo_bender(model) or valid is None or not valid.lowest_V < valid.highest_V:
+        return None
+    return valid.lowest_V, valid.highest_V

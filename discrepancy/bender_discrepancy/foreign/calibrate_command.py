@@ -79,18 +79,19 @@ def _calibrated(arguments: argparse.Namespace) -> "tuple[Calibrated, Quantities]
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
-    from bender_loop.records.record import in_units_of
+    from bender_loop.records.common_units import in_units_of
     from bender_loop.shell.progress import Progress
 
     if not arguments.suspect:
         raise InputError("--suspect: found none, expected the name of a parameter, or `tunable`")
-    records = in_units_of([record_of(arguments, path) for path in arguments.record])
+    names = [str(path) for path in arguments.record]
+    records = in_units_of([record_of(arguments, path) for path in arguments.record], None, names)
     with Progress("calibrate-model") as bar:
         found = calibrate_fmu(
             arguments.fmu,
             records,
             arguments.suspect,
-            names=[str(path) for path in arguments.record],
+            names=names,
             input_name=arguments.input,
             output_name=arguments.output,
             parameters=start_values(arguments),

@@ -22,8 +22,9 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import BlackBox, diagnose
 from bender_identify.records.memory import memory_s
 from bender_loop.fmu.process.watched import WatchedPlant
+from bender_loop.records.common_units import in_units_of
 from bender_loop.records.missing_rows import completed, without_remembered
-from bender_loop.records.record import Record, in_units_of
+from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
 
 
@@ -64,7 +65,7 @@ def diagnose_fmu(
     how = replace(how, decide_hold=False, with_record_effects=True)
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
-    records = [without_repeats(printed(x)) for x in in_units_of(records)]
+    records = [without_repeats(printed(x)) for x in in_units_of(records, None, names)]
     records = records if how.untimed else [completed(x) for x in records]
     own = records[0].quantities
     opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=own)

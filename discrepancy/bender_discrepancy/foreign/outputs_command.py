@@ -150,8 +150,10 @@ def _say(found: "Together", out: Path) -> None:
 
 def _records(arguments: argparse.Namespace, columns: Mapping[str, str]) -> "dict[str, Sequence[Record]]":
     from bender_loop.records.arguments import record_of
+    from bender_loop.records.common_units import in_units_of
 
+    names = [str(path) for path in arguments.record]
     return {
-        name: [record_of(arguments, path, column, name) for path in arguments.record]
+        name: in_units_of([record_of(arguments, path, column, name) for path in arguments.record], None, names)
         for name, column in columns.items()
     }

@@ -9,10 +9,11 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.records.first_look import ROUGH, first_look
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
+from bender_loop.records.common_units import told_in
 from bender_loop.records.distinct import refuse_twice_the_same
 from bender_loop.records.record import Record, read_record
 from bender_loop.records.sizes import check_readings, check_sizes, check_work
-from bender_loop.tables.quantities import USUAL, Quantities
+from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities
 from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -60,21 +61,34 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
         InputError: a record is too short, still, there twice, in the wrong units, or the model cannot follow it.
     """
     for name, record in zip(names, records, strict=True):
-        if is_piezo_bender(model) and record.quantities[:2] != USUAL[:2]:
-            raise InputError(f"{name}: {_of_another_device(model, record.quantities)}")
+        refuse_other_device(model, name, record.quantities, "use --model auto")
         check_readings(name, record)
         _refuse_what_teaches_nothing(name, record)
     refuse_twice_the_same(names, records)
     _refuse_wrong_units(model, names, records, settings)
 
 
-def _of_another_device(model: Model, quantities: Quantities) -> str:
-    """Return that columns are not those of a piezo bender, in the units of the file, and what to do."""
+def refuse_other_device(
+    model: Model, name: str, quantities: Quantities, instead: str = "give its model by --model"
+) -> None:
+    """Refuse the columns of another device for a model of a piezo bender, in the units of their file.
+
+    Args:
+        model: as given.
+        name: of the record.
+        quantities: of the record.
+        instead: what to do with another device, beside making a model.
+
+    Raises:
+        InputError: the columns are not in V and lengths.
+    """
+    if not is_piezo_bender(model) or quantities[:2] == USUAL[:2]:
+        return
     kept = zip(quantities.stated, quantities[:2], strict=True)
     found = " and ".join(stated or unit for stated, unit in kept)
-    return (
-        f"found columns in {found}, expected V and lengths for the model {model.name}, a piezo bender; for another "
-        "device use --model auto, or make a model first: bender model fit (Python: the model 'auto', or fit_model)"
+    raise InputError(
+        f"{name}: found columns in {found}, expected V and lengths for the model {model.name}, a piezo bender; for "
+        f"another device {instead}, or make a model first: bender model fit"
     )
 
 
@@ -90,14 +104,14 @@ def _refuse_what_teaches_nothing(name: str, record: Record) -> None:
     voltage = record.voltage_V
     if np.ptp(voltage) == 0.0:
         raise InputError(
-            f"{name}, column voltage_V: found {voltage[0]:g} V in every row from line 2 on, expected a voltage that "
-            "changes; a constant one shows no effect"
+            f"{name}, column voltage_V: found {told_in(record, voltage[0], VOLT, 6)} in every row from line 2 on, "
+            "expected a voltage that changes; a constant one shows no effect"
         )
     readings = record.displacement_um[seen]
     if np.ptp(readings) == 0.0:
         raise InputError(
-            f"{name}, column displacement_um: found {readings[0]:g} µm in every row from line {seen[0] + 2} on, "
-            "expected readings that change; is the sensor connected?"
+            f"{name}, column displacement_um: found {told_in(record, readings[0], MICROMETRE, 6)} in every row from "
+            f"line {seen[0] + 2} on, expected readings that change; is the sensor connected?"
         )
 
 
@@ -126,8 +140,9 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
             rows, simulated = first_look(model, record, settings)
         except (ModelError, ArithmeticError) as error:
             row = int(np.argmax(np.abs(record.voltage_V)))
+            found = told_in(record, record.voltage_V[row], VOLT)
             raise InputError(
-                f"{name}, line {row + 2}, column voltage_V: found up to {record.voltage_V[row]:.4g} V, under which the "
+                f"{name}, line {row + 2}, column voltage_V: found up to {found}, under which the "
                 f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
             ) from None
         _refuse_implausible(name, record, rows, simulated)
@@ -151,10 +166,12 @@ def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: 
     if expected == 0.0 or low * expected <= spread <= high * most:
         return
     row = int(seen[np.argmax(np.abs(measured - np.median(measured)))])
+    found = told_in(record, record.displacement_um[row], MICROMETRE)
+    told, wanted = (told_in(record, x, MICROMETRE, digits=3) for x in (spread, expected))
     raise InputError(
-        f"{name}, line {row + 2}: found {record.displacement_um[row]:.4g} µm at {record.voltage_V[row]:.4g} V, in a "
-        f"record whose readings spread over {spread:.3g} µm; expected {expected:.3g} µm times {low:.2g} to {high:g}; "
-        "say what units the columns have, as in --units s,V,um"
+        f"{name}, line {row + 2}: found {found} at {told_in(record, record.voltage_V[row], VOLT)}, in a record whose "
+        f"readings spread over {told}; expected {wanted} times {low:.2g} to {high:g}; say what units the columns have, "
+        "as in --units s,V,um"
     )
 
 

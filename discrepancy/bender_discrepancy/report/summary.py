@@ -22,6 +22,7 @@ from bender_report.wording import (
     listed,
     percent,
     quantity,
+    shown_in,
     uncertain,
     unit_text,
     with_interval,
@@ -95,7 +96,8 @@ def _rivals(result: dict[str, Any]) -> Iterator[str]:
 def _units(result: dict[str, Any]) -> Iterator[str]:
     """Yield what volts and metres of the corrected FMU stand for, where the record has neither."""
     pairs = ("takes", "V", result.get("input_unit", "V")), ("gives", "um", result.get("unit", "um"))
-    told = [f"{verb} 1 {unit_text(usual)} for 1 {unit_text(own)}" for verb, usual, own in pairs if own != usual]
+    with shown_in("V", "um"):  # here these are what the FMU has
+        told = [f"{verb} 1 {unit_text(usual)} for 1 {unit_text(own)}" for verb, usual, own in pairs if own != usual]
     if told and result["fmu"] and "foreign_model" not in result:
         yield from _line("units", f"{result['fmu']} {' and '.join(told)} of the records")
 

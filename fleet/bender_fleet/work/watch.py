@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from bender_fleet.work.diagnose import ForeignModel
 from bender_fleet.work.job import UnitResult
 from bender_fleet.work.reading import Reading
+from bender_loop.records.common_units import in_units_of
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 
@@ -44,7 +45,8 @@ class WatchWork:
         from bender_watch.settings import rows_of
         from bender_watch.watcher import Watcher
 
-        training, watched = self._split_records(self.reading.records(paths), names)
+        stated = self.model.units if isinstance(self.model, Model) else None
+        training, watched = self._split_records(in_units_of(self.reading.records(paths), stated, names), names)
         interval_s = float((training.time_s[-1] - training.time_s[0]) / (len(training) - 1))
         how = replace(self.settings, rows_between_false_alarms=rows_of(self.every, interval_s))
         base = learn(self._expected(), training, how.rows_between_false_alarms, linear=how.linear, name=names[0])

@@ -56,12 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_identify.first_model.direction import direction_sentence
     from bender_identify.first_model.learned import learn
     from bender_loop.records.arguments import record_of
-    from bender_loop.records.record import in_units_of
+    from bender_loop.records.common_units import in_units_of
     from bender_loop.shell.progress import Progress
     from bender_loop.shell.run import remark
 
     place = _place(arguments)
-    records = in_units_of([record_of(arguments, path) for path in arguments.records])
+    names = [str(path) for path in arguments.records]
+    records = in_units_of([record_of(arguments, path) for path in arguments.records], None, names)
     quantities = records[0].quantities
     only = None if arguments.template == "auto" else TEMPLATES[arguments.template]
     steps = 0

@@ -1,6 +1,7 @@
 """Which variables of an FMU are used: its input, its output, its parameters."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ _VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _METRE = {"m": 1}
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _UNSTATED = ("", "-", "1")
+_STANDS_FOR = re.compile(r"1 (V|um) stands for 1 (.+) of the records$")
+"""How the FMU of a model of another device ends the description of its input and its outputs."""
 DEFAULT_UNITS = ("V", "m")
 """Of an input and an output for which neither the FMU nor anybody states one."""
 REALS = ("Real", "Float64", "Float32")
@@ -34,6 +37,7 @@ class Port:
         type: Real, or Float64 in FMI 3.0.
         unit: as declared, None where it is not.
         internal: V per unit of an input, um per unit of an output.
+        stands_for: what 1 V of it, or 1 um, is in the records that its model was learned from; "" for just that.
     """
 
     name: str
@@ -41,6 +45,7 @@ class Port:
     type: str
     unit: str | None
     internal: float
+    stands_for: str = ""
 
 
 class Setting(NamedTuple):
@@ -63,7 +68,7 @@ def find_input(path: Path, description: ModelDescription, name: str | None = Non
     """
     variable = _find(path, description, name, "input", "voltage")
     if own.command != VOLT:
-        return _port_of(path, variable, own.command, own.stated[0])
+        return _port_of(path, variable, own.command, own.stated[0], VOLT)
     return _port(description, variable, units.VOLTAGE_V, _VOLT, own.stated[0] or DEFAULT_UNITS[0])
 
 
@@ -79,7 +84,7 @@ def find_output(path: Path, description: ModelDescription, name: str | None = No
     """
     variable = _find(path, description, name, "output", "displacement")
     if own.reading != MICROMETRE:
-        return _port_of(path, variable, own.reading, own.stated[1])
+        return _port_of(path, variable, own.reading, own.stated[1], MICROMETRE)
     return _port(description, variable, units.LENGTH_UM, _METRE, own.stated[1] or DEFAULT_UNITS[1])
 
 
@@ -169,7 +174,8 @@ def _port(
     reference = int(variable.valueReference)
     known = units.find(table, unit or stated)
     if known is not None:
-        return Port(variable.name, reference, variable.type, unit, known[0] / known[1])
+        meant = _unit_of_records(variable) if unit else ""
+        return Port(variable.name, reference, variable.type, unit, known[0] / known[1], meant)
     base: Any = next((entry.baseUnit for entry in description.unitDefinitions if entry.name == unit), None)
     if base is not None and all(_exponent(base, name) == dimension.get(name, 0) for name in _BASE):
         internal = 1e6 if dimension is _METRE else 1.0
@@ -177,12 +183,22 @@ def _port(
     return Port(variable.name, reference, variable.type, unit, 1.0)
 
 
-def _port_of(path: Path, variable: ScalarVariable, shown: str, stated: str) -> Port:
+def _unit_of_records(variable: ScalarVariable) -> str:
+    """Return what 1 V of an input, or 1 um of an output, of the FMU of a model stands for; "" for nothing else."""
+    found = _STANDS_FOR.search(variable.description or "")
+    return found[2] if found else ""
+
+
+def _port_of(path: Path, variable: ScalarVariable, shown: str, stated: str, usual: str = "") -> Port:
     """Return a port of another quantity than volts and lengths, in the unit that a record has."""
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     unit = None if declared is None or declared.strip() in _UNSTATED else declared
+    meant = _unit_of_records(variable) if usual and unit else ""
     try:
-        internal = factor(unit or stated or shown, shown)
+        if meant and unit:
+            internal = factor(unit, usual) * factor(meant, shown)
+        else:
+            internal = factor(unit or stated or shown, shown)
     except InputError as problem:
         raise InputError(f"{path}: {variable.name}: {problem}; say what the record has by --units") from None
     return Port(variable.name, int(variable.valueReference), variable.type, unit, internal)

@@ -6,6 +6,7 @@
 | `arguments` | the options of every command that reads records: names, units and layout of the columns |
 | `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
 | `columns` | which columns of a table a record is made of: named, of the usual names, or found |
+| `common_units` | records that go together, with each other or with a model, in the same units |
 | `compare` | how well a simulation agrees with a measurement |
 | `distinct` | records that are given together are different ones |
 | `drive` | a plant driven open loop with the voltage of a record |

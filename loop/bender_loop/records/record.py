@@ -6,7 +6,7 @@ row. Where `command_time_s` is given, the voltage acts from then.
 
 import io
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -137,22 +137,6 @@ class Record:
         beside = ("quantities", "further", "zero_move", "made_up", "repeats", "behind_pauses", "pauses")
         present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
-
-
-def in_units_of(records: Sequence[Record]) -> list[Record]:
-    """Return records of one rig in the units of the first of them.
-
-    Raises:
-        InputError: they are of different quantities.
-    """
-    wanted = records[0].quantities
-    found = []
-    for record in records:
-        own = record.quantities
-        command, reading = factor(own.command, wanted.command), factor(own.reading, wanted.reading)
-        values = {"voltage_V": command * record.voltage_V, "displacement_um": reading * record.displacement_um}
-        found.append(record if own[:2] == wanted[:2] else replace(record, **values, quantities=wanted))
-    return found
 
 
 def read_record(

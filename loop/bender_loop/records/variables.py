@@ -13,8 +13,8 @@ class Variable(NamedTuple):
 
     Attributes:
         name: of the variable; a column may bear it.
-        unit: that the FMU declares, empty without one; a column that says none is in it where it is of another quantity
-            than a record usually has.
+        unit: that the FMU declares, or that V or um stands for in it, empty without one; a column that says none is in
+            it where it is of another quantity than a record usually has.
     """
 
     name: str
@@ -40,7 +40,7 @@ def variables_of(
     found = {"voltage": find_input(path, description, input_name)}
     if has_output:
         found["displacement"] = find_output(path, description, output_name)
-    return {key: Variable(port.name, port.unit or "") for key, port in found.items()}
+    return {key: Variable(port.name, port.stands_for or port.unit or "") for key, port in found.items()}
 
 
 def undriven(fmu: Path | str, input_name: str | None, driven: Collection[str]) -> dict[str, str]:

@@ -35,6 +35,8 @@ class Quantities(NamedTuple):
 USUAL = Quantities(VOLT, MICROMETRE)
 MOST_POWER = 15
 """Of ten, by which a unit may take another prefix."""
+LEAST_SIZE, MOST_SIZE = 0.01, 1e5
+"""Between these the largest number of a column is of ordinary size, and its unit stays as people stated it."""
 
 
 @cache
@@ -131,13 +133,19 @@ _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 3: "k", 6: "M", 9: "
 
 
 def compact(unit: str, span: float) -> tuple[float, str]:
-    """Return the factor and the unit in which a span is a number from 1 to 1000: 0.002 bar is 2 mbar.
+    """Return the factor and the unit in which a column is kept: that stated, where its numbers are of ordinary size.
 
-    Searches, thresholds and bounds then meet the same numbers, whatever prefix a record came with. A unit that takes
-    no prefix, or with a zero of its own, stays.
+    Others come to a number from 1 to 1000, as 2e-6 bar to 2 ubar: numerical floors and neutral values of blocks are
+    made for numbers of ordinary size. A unit that takes no prefix, or with a zero of its own, stays.
+
+    Args:
+        unit: as it is stated.
+        span: the largest magnitude in the column.
     """
+    if not math.isfinite(span) or span <= 0.0 or LEAST_SIZE <= span <= MOST_SIZE:
+        return 1.0, unit
     found = _parsed(unit)
-    if not (math.isfinite(span) and span > 0.0) or found is None or found.dimensionless:
+    if found is None or found.dimensionless:
         return 1.0, unit
     power = 3 * math.floor(math.log10(span) / 3.0 + 1e-9)
     if power == 0 or abs(power) > MOST_POWER:

@@ -81,8 +81,8 @@ def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant, quantities: Quantities
         parameters=tuple(v.name for v in description.modelVariables if v.causality == "parameter"),
         quantities=quantities,
         units=(
-            shown(plant.input.unit, quantities.command, VOLT),
-            shown(plant.output.unit, quantities.reading, MICROMETRE),
+            plant.input.stands_for or shown(plant.input.unit, quantities.command, VOLT),
+            plant.output.stands_for or shown(plant.output.unit, quantities.reading, MICROMETRE),
         ),
         taken_units={port.name: stated or usual for port, stated, usual in taken if port.unit is None},
     )

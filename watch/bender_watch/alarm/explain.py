@@ -172,7 +172,7 @@ def explain(
         figures,
         told,
         rows,
-        float(facts["gap"]["after"]["all_rms_um"]),
+        float(found.gap.after.all_rms_um),
         found,
     )
 
