@@ -28,7 +28,7 @@ def commands(kind: str) -> np.ndarray:
 
 
 def record(command: np.ndarray, reading: np.ndarray) -> Record:
-    return Record(0.01 * np.arange(len(command)), command, reading)
+    return Record(0.01 * np.arange(len(command), dtype=np.float64), command, reading)
 
 
 @pytest.mark.parametrize("rows", [0.5, 12.0])

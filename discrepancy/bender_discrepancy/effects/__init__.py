@@ -15,5 +15,6 @@ catalogue    all effects in the order of the chain
 | `rigs` | what kind of device a model is of, as far as the words about effects depend on it |
 | `skeleton` | the skeleton of a new effect |
 | `witnessed` | what channels beside the readings tell of an effect |
+| `lag_taken` | the lag of a plant, taken out for an effect that is that lag with something nonlinear in it |
 | `library/` | one file per effect; an effect never imports another one |
 """
