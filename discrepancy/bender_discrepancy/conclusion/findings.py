@@ -333,7 +333,8 @@ def _named(
 ) -> ReportedEffect:
     hypothesis = contender.fitted.hypothesis
     # a rival may stand in another linear structure than what was found
-    part, base = hypothesis.parts[contender.index], hypothesis.linear(search.base)
+    # with its own numbers as they were found: some effects take one of them over
+    part, base = hypothesis.parts[contender.index], replace(hypothesis, parts=(), equation=None).model(search.base)
     factor = moved_gain(search, contender.fitted) if of_a_device else 1.0
     sign = math.copysign(1.0, contender.fitted.calibration.gain)
     moved = None if factor == 1.0 else MovedGain(factor, open_.gain, sign * open_.with_gain)
