@@ -18,6 +18,7 @@ from bender_cli.main import main
 from bender_discrepancy.settings import Settings as DiagnoseSettings
 from bender_discrepancy.structures import competing_structures
 from bender_identify.first_model.choice import MOST_IN_VAIN, Losses, Scored, first_model, is_better, select
+from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.excerpt import MOST_ROWS, excerpts
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
 from bender_identify.first_model.frequency_start import frequency_starts, response
@@ -361,6 +362,23 @@ def test_dead_time_is_found_in_a_record_that_starts_in_motion():
     found = linear_structures(linear_record(volts[60:], late[60:], 0.02))
     assert found[0].structure.delay
     assert found[0].model.values()["transport_delay.delay"] == pytest.approx(9 * ROW_S, abs=0.5 * ROW_S)
+
+
+@pytest.mark.parametrize("warm", [False, True], ids=["at rest", "in motion"])
+def test_a_slow_device_whose_first_command_acts_already_began_where_its_readings_say(warm: bool):
+    rng = np.random.default_rng(6)
+    power = np.repeat(rng.uniform(0.0, 100.0, 25), 20)
+    before = 70.0 if warm else 0.0
+    times_s = 2.0 * np.arange(power.size, dtype=np.float64)
+    rise = lsim(TransferFunction([0.6], [45.0, 1.0]), power, times_s, interp=False)[1]
+    readings = 22.0 + rise + 0.6 * before * np.exp(-times_s / 45.0) + rng.normal(0.0, 0.1, power.size)
+    experiments = experiments_of([Record(times_s, power, readings)], ["heater"], "hold")
+    assert experiments[0].in_motion is warm
+    if not warm:
+        chosen = first_model(experiments).chosen
+        assert chosen.structure == Structure(lags=1)
+        assert chosen.values[0] == pytest.approx(45.0, abs=0.3)
+        assert chosen.offsets[0] == pytest.approx(22.0, abs=0.2)
 
 
 @pytest.mark.slow

@@ -15,7 +15,8 @@ from bender_identify.first_model.choice import Scored, is_better, structures_sco
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import CANNOT_BE, FitTask, Mask
 from bender_identify.first_model.misread import SIMPLE, lacking, memory_of, without_misread
-from bender_identify.records.experiment import Experiment, experiment_of
+from bender_identify.first_model.structures import Structure
+from bender_identify.records.experiment import Experiment, experiment_of, starts_in_motion
 from bender_identify.settings import InputHold, Settings
 from bender_loop.records.distinct import refuse_twice_the_same
 from bender_loop.records.missing_rows import completed, without_remembered
@@ -23,8 +24,10 @@ from bender_loop.records.record import Record
 from bender_loop.records.repeated_readings import without_repeats
 from bender_loop.records.zero_move import without_zero_move
 
+SLOW = Structure(lags=1)
 MOST_LEFT = 0.5
-"""Of the mean square that a held input leaves: another course may take off less by standing in for what is missing."""
+"""Of the mean square that a held input leaves, or an open beginning: another one may take off less by standing in for
+what is missing."""
 EVEN = 1e-3
 """Of a step: a band-limited course is one through even rows."""
 EARLIER_ROWS = 8
@@ -54,10 +57,17 @@ def experiments_of(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Known:
-    """A record without what nobody knows, and which of its readings were misread (n,); None where none was sought."""
+    """A record without what nobody knows.
+
+    Attributes:
+        record: without it.
+        misread: (n,) which of its readings were misread; None where none was sought.
+        in_motion: whether it starts in the middle of a motion; None for what it tells by itself.
+    """
 
     record: Record
     misread: Mask | None = None
+    in_motion: bool | None = None
 
 
 def _known(records: Sequence[Record], names: Sequence[str], input_hold: InputHold) -> list[_Known]:
@@ -65,14 +75,37 @@ def _known(records: Sequence[Record], names: Sequence[str], input_hold: InputHol
     if any(x.record.pauses for x in found):
         memory_s = memory_of(_ready(found, names, input_hold))
         found = [_Known(without_remembered(x.record, memory_s)) for x in found]
+    found = _begun(found, names, input_hold)
     ready = _ready(found, names, input_hold)
     kept = without_misread(ready)
     lost = [np.isfinite(x.measured_um) & np.isnan(y.measured_um) for x, y in zip(ready, kept, strict=True)]
     return [replace(x, misread=m) for x, m in zip(found, lost, strict=True)]
 
 
+def _begun(known: list[_Known], names: Sequence[str], course: InputHold) -> list[_Known]:
+    """Return the records, those at rest before they began whose first command acts already.
+
+    Such a record may have begun anywhere, and its beginning is set aside. A slow device still leaves then what a wrong
+    guess left it with. Rest is a guess that may be refuted: where a gain or a lag from rest leaves clearly less of all
+    rows, the first ones included, it was at rest.
+    """
+    open_ = [
+        x.in_motion and not starts_in_motion(y.record) for x, y in zip(_ready(known, names, course), known, strict=True)
+    ]
+    if not any(open_):
+        return known
+    at_rest = [replace(x, in_motion=False) if y else x for x, y in zip(known, open_, strict=True)]
+    one, other = (_best(x, names, course, SLOW) for x in (at_rest, known))
+    if one is None or other is None:
+        return known
+    return at_rest if one.rms**2 < MOST_LEFT * other.rms**2 else known
+
+
 def _ready(known: Sequence[_Known], names: Sequence[str], course: InputHold) -> list[Experiment]:
-    made = [experiment_of(x.record, n, Settings(), course, any_answer=True) for x, n in zip(known, names, strict=True)]
+    made = [
+        experiment_of(x.record, n, Settings(), course, any_answer=True, in_motion=x.in_motion)
+        for x, n in zip(known, names, strict=True)
+    ]
     return [y if x.misread is None else lacking(y, x.misread) for x, y in zip(known, made, strict=True)]
 
 
@@ -113,11 +146,11 @@ def _is_better(one: Scored | None, other: Scored | None, most_left: float) -> bo
     return is_less and is_better(other.left, one.left)
 
 
-def _best(known: Sequence[_Known], names: Sequence[str], course: InputHold) -> Scored | None:
+def _best(known: Sequence[_Known], names: Sequence[str], course: InputHold, only: Structure = SIMPLE) -> Scored | None:
     """Return the simple structure that predicts unseen blocks best; None where none can be simulated."""
     experiments = _ready(known, names, course)
     try:
-        scores = structures_scored(FitTask.of(excerpts(experiments, stretches=True), rough=True), only=SIMPLE)
+        scores = structures_scored(FitTask.of(excerpts(experiments, stretches=True), rough=True), only=only)
     except CANNOT_BE:
         return None
     return min(scores, key=lambda x: x.held_out_rms)

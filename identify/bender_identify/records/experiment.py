@@ -82,6 +82,7 @@ def experiment_of(
     untimed: bool = False,
     *,
     any_answer: bool = False,
+    in_motion: bool | None = None,
 ) -> Experiment:
     """Make a record ready; the last part of its rows is held out.
 
@@ -92,6 +93,7 @@ def experiment_of(
         input_hold: what the voltage does between two rows.
         untimed: the times are an order only.
         any_answer: take readings that no linear model follows, and a beginning that nothing tells as one in motion.
+        in_motion: whether it starts in the middle of a motion; None for what the record tells.
 
     Raises:
         InputError: the record excites nothing, does not answer, has too few readings, or is in other units.
@@ -109,7 +111,9 @@ def experiment_of(
     if not any_answer:
         check_answered(name, acting_V, record.displacement_um)
     excitation = describe(time_s, acting_V, record.displacement_um)
-    in_motion = not untimed and (_starts_in_motion(record) or (any_answer and _may_start_anywhere(record, excitation)))
+    if in_motion is None:
+        in_motion = starts_in_motion(record) or (any_answer and _may_start_anywhere(record, excitation))
+    in_motion = in_motion and not untimed
     settled_s = time_s if untimed else None
     drive, lead_rows = drive_of(record, input_hold, settled_s, in_motion)
     rough_drive, _ = drive_of(record, input_hold, settled_s, in_motion, rough=True)
@@ -144,7 +148,7 @@ def experiment_of(
     )
 
 
-def _starts_in_motion(record: Record) -> bool:
+def starts_in_motion(record: Record) -> bool:
     """Whether the first reading belongs to the first voltage rather than to 0 V, judged by a straight line.
 
     Where that reading is lost nothing speaks against rest.
