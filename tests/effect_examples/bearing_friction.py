@@ -10,13 +10,14 @@ from scipy.integrate import solve_ivp
 PARAMETERS: list[dict[str, Any]] = [
     {"time_constant_s": 0.05, "friction_um": 2.0},
     {"time_constant_s": 0.3, "friction_um": 5.0},
+    {"time_constant_s": 0.2, "friction_um": 3.0, "drag_1_per_um": 0.05},
 ]
 
 
 def oracle(parameters: dict[str, Any], voltages_V: np.ndarray, step_s: float, plain_um: np.ndarray) -> np.ndarray:
     """The readings in um at the end of every held voltage; `plain_um` are those without the effect."""
     del plain_um
-    tau, dry = parameters["time_constant_s"], parameters["friction_um"]
+    tau, dry, drag = parameters["time_constant_s"], parameters["friction_um"], parameters.get("drag_1_per_um", 0.0)
     x, sign = np.zeros(4), 0.0
     found = []
     for u in voltages_V:
@@ -28,7 +29,7 @@ def oracle(parameters: dict[str, Any], voltages_V: np.ndarray, step_s: float, pl
 
             def rates(_: float, s: np.ndarray, u: float = u, sign: float = sign) -> list[float]:
                 z, y, q, v = s
-                turned = (z + 0.818 * u - y - sign * dry) / tau if sign else 0.0
+                turned = (z + 0.818 * u - y * (1.0 + drag * abs(y)) - sign * dry) / tau if sign else 0.0
                 return [relaxation(z, u), turned, v, -2 * ZETA * OMEGA * v - OMEGA**2 * (q - y)]
 
             def ends(_: float, s: np.ndarray, u: float = u, sign: float = sign) -> float:

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 PARAMETERS: list[dict[str, Any]] = [
     {"time_constant_s": 0.05, "rest_um": 60.0},
     {"time_constant_s": 0.4, "rest_um": 30.0},
+    {"time_constant_s": 0.2, "rest_um": 12.0},
 ]
 
 

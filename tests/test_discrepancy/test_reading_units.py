@@ -77,28 +77,41 @@ def test_the_interval_counts_what_size_and_gain_take_from_one_another(unit: str,
     assert moved.interval[1] - moved.interval[0] == pytest.approx(4.0 * moved.std)
 
 
-def test_the_friction_of_a_motor_is_told_in_the_unit_of_its_speed_as_the_model_has_it() -> None:
+@pytest.mark.parametrize(
+    ("dry", "drag", "effect"),
+    [
+        (60.0, 0.0, "bearing_friction"),
+        pytest.param(0.0, 0.004, "speed_drag", marks=pytest.mark.slow),
+        pytest.param(60.0, 0.004, "bearing_friction", marks=pytest.mark.slow),
+    ],
+)
+def test_what_brakes_a_motor_is_told_in_the_unit_of_its_speed_as_the_model_has_it(
+    dry: float, drag: float, effect: str
+) -> None:
     rng, step_s, parts = np.random.default_rng(4), 0.02, 40
     volts = np.repeat(rng.uniform(-6.0, 6.0, 75), 12)
     read, speed = [], 0.0
     for u in volts:
         read.append(speed)
         for _ in range(parts):
-            pull, h = 150.0 * u - speed, step_s / parts
+            pull, h = 150.0 * u - speed * (1.0 + drag * abs(speed)), step_s / parts
             before = speed
-            speed += h * (pull - math.copysign(60.0, speed or pull)) / 0.12
+            speed += h * (pull - math.copysign(dry, speed or pull)) / 0.12
             # within one small step of rest nothing turns that the drive does not turn
-            if (before * speed < 0.0 or before == 0.0) and abs(150.0 * u) <= 60.0:
+            if dry and (before * speed < 0.0 or before == 0.0) and abs(150.0 * u) <= dry:
                 speed = 0.0
     readings = np.array(read) + rng.normal(0.0, 1.0, volts.size)
     found = diagnose(None, [Record(step_s * np.arange(volts.size, dtype=np.float64), volts, readings)])
-    assert [x.id for x in found.findings.effects] == ["bearing_friction"]
+    assert [x.id for x in found.findings.effects] == [effect]
     numbers = {x.name: x for x in found.findings.effects[0].numbers}
-    low, high = numbers["friction_um"].interval or (0.0, 0.0)
-    assert low - 1.0 < 60.0 < high + 1.0
+    for name, true in {"friction_um": dry, "drag_1_per_um": drag}.items():
+        if true:
+            low, high = numbers[name].interval or (0.0, 0.0)
+            assert 0.98 * low < true < 1.02 * high
     values = found.findings.model.values()
     assert values["calibration.gain"] == 1.0
     transducer = next(x.parameters for x in found.findings.model.blocks if x.id == "linear_transduction")
     assert transducer.gain_factor * transducer.sensitivity_um_per_V == pytest.approx(150.0, rel=0.01)
     for name, number in numbers.items():
-        assert number.value == pytest.approx(values[f"bearing_friction.{name.removesuffix('_um').removesuffix('_s')}"])
+        spoken = name.removesuffix("_1_per_um").removesuffix("_um").removesuffix("_s")
+        assert number.value == pytest.approx(values[f"{effect}.{spoken}"])

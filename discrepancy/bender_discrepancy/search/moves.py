@@ -137,14 +137,18 @@ def reform_as_given(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> S
 
 
 def simplify(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
-    """Each effect in the plainer form that its own refines, from the numbers that both have."""
+    """Each effect in the plainer form that its own refines, and of a form that is two effects the other one alone."""
     del archive
-    found = []
+    found: list[Start] = []
     hypothesis = fitted.hypothesis
     for k, part in enumerate(hypothesis.parts):
-        plain = next((x for x in catalogue.kit(hypothesis).of(part.form.effect) if x.name == part.form.refines), None)
+        kit, form = catalogue.kit(hypothesis), part.form
+        plain = next((x for x in kit.of(form.effect) if x.name == form.refines), None)
         if plain is not None:
-            found.append(Start(_placed(fitted.hypothesis, k, Part(plain, part.values[: len(plain.free)]))))
+            found.append(Start(_placed(hypothesis, k, Part(plain, part.values[: len(plain.free)]))))
+        if form.beside and form.beside not in hypothesis.effects:
+            alike = (x for x in kit.of(form.beside) if _names(x) == form.curve)
+            found += [Start(_placed(hypothesis, k, Part(x, form.curve_alone(part.values)[1]))) for x in alike]
     return found
 
 
@@ -162,7 +166,7 @@ def other_side(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequen
 
 
 def split(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
-    """Two effects in the place of one that may look like both; a curve in the place of a loop beside a curve."""
+    """Two effects in the place of one that may look like both."""
     del archive
     hypothesis, found = fitted.hypothesis, []
     for k, part in enumerate(hypothesis.parts):
@@ -175,6 +179,10 @@ def split(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Sc
             if len(known) == 2:
                 found += [Start(_with_two(rest, known, part.values[0], share)) for share in SPLITS]
     return found
+
+
+def _names(form: Form) -> tuple[str, ...]:
+    return tuple(x.name for x in form.free)
 
 
 def _with_two(rest: Hypothesis, forms: Sequence[Form], scale: float, share: float) -> Hypothesis:

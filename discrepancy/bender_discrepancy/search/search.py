@@ -246,10 +246,15 @@ def _is_form_of(one: Hypothesis, other: Hypothesis) -> bool:
 
 def _is_plainer_alike(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, first: Fitted) -> bool:
     """Return whether another form of the same effects predicts as well, or is far simpler and hardly worse."""
-    within = rules.last_percent**2 * above_floor_um2(archive, base)
     far = first.hypothesis.free_count - simple.hypothesis.free_count >= rules.fewer_numbers
-    close = above_floor_um2(archive, simple) - above_floor_um2(archive, first) <= within
-    return (far and close) or not rules.is_preferred(archive, first, simple)
+    far = far or is_special_case(simple.hypothesis, first.hypothesis)
+    return (far and _is_close(archive, rules, base, simple, first)) or not rules.is_preferred(archive, first, simple)
+
+
+def _is_close(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, first: Fitted) -> bool:
+    """Return whether a hypothesis leaves no more than another one by what no form is nature's in."""
+    within = rules.last_percent**2 * above_floor_um2(archive, base)
+    return above_floor_um2(archive, simple) - above_floor_um2(archive, first) <= within
 
 
 def _is_simpler(one: Fitted, other: Fitted) -> bool:
@@ -259,6 +264,8 @@ def _is_simpler(one: Fitted, other: Fitted) -> bool:
 def _is_as_good(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, best: Fitted, effects: set[str]) -> bool:
     if not simple.hypothesis.keeps_shown_of(best.hypothesis):
         return False
+    if is_special_case(simple.hypothesis, best.hypothesis) and _is_close(archive, rules, base, simple, best):
+        return True
     if _stands_in(archive, rules, simple, best):
         return False
     if simple.hypothesis.parts and rules.is_small(archive, base, simple):

@@ -149,6 +149,7 @@ _IN_ORDER = (
     "plant_lag",
     "square_root_outflow",
     "radiation_loss",
+    "speed_drag",
     "bearing_friction",
     "tip_mass",
     "structural_damping",

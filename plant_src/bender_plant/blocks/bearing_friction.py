@@ -1,9 +1,10 @@
 """Dry friction of something whose speed is read: a lag that a constant force holds back, and that comes to rest.
 
-    tau y' = w - y - f sign(y) in motion;    y = 0 at rest, for as long as |w| <= f
+    tau y' = w - y - d y |y| - f sign(y) in motion;    y = 0 at rest, for as long as |w| <= f
 
 The speed of a motor, a pulley or a belt: tau and the gain come from inertia and viscous friction, f is the dry friction
-of the bearings over the viscous one, in the unit of the speed. tau = 0 is none; f = 0 is a plain lag. (Coulomb's law;
+of the bearings over the viscous one, in the unit of the speed, and d the drag of a fan beside it (`speed_drag`).
+tau = 0 is none; f = 0 and d = 0 are a plain lag. (Coulomb's law;
 Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1994, doi:10.1016/0005-1098(94)90209-7.)
 """
 
@@ -11,6 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bender_plant.kernels.draining_lag import DRAG, losing_step
 from bender_plant.kernels.first_order_lag import lag_step
 from bender_plant.parabola import INSTANT, first_crossing
 from bender_plant.parameter import check, parameter
@@ -34,15 +36,18 @@ class Parameters:
     friction_um: float = parameter(
         0.0, unit="um", low=0.0, text="f, dry friction over the viscous one, in the unit of the reading", tunable=True
     )
+    drag_1_per_um: float = parameter(
+        0.0, unit="1/um", low=0.0, text="d, drag over viscous friction and speed", tunable=True
+    )
 
     def __post_init__(self) -> None:
         check(self, ID)
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (tau in s, f in um)."""
+    """Return (tau in s, f in um, d in 1/um)."""
     del beam
-    return settings.time_constant_s, settings.friction_um
+    return settings.time_constant_s, settings.friction_um, settings.drag_1_per_um
 
 
 def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
@@ -55,7 +60,18 @@ def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[
     """Return the first sub-step after a jump, and the longest: where the motion turns it bends without a jump."""
     del beam
     tau = settings.time_constant_s
-    return (0.05 * tau, 0.1 * tau) if tau > 0.0 else (math.inf, math.inf)
+    if tau == 0.0:
+        return math.inf, math.inf
+    return (0.05 * tau, 0.1 * tau) if settings.drag_1_per_um == 0.0 else (0.02 * tau, 0.05 * tau)
+
+
+def followed(
+    y: float, tau: float, drag: float, force: float, h: float, w0: float, wm: float, w1: float
+) -> tuple[float, float]:  # fmt: skip
+    """Return y at the middle and the end of a sub-step under a constant force."""
+    if drag > 0.0:
+        return losing_step(y, tau, drag, DRAG, h, w0 - force, wm - force, w1 - force)
+    return lag_step(y, tau, h, w0 - force, wm - force, w1 - force)
 
 
 def held_back(y: float, tau: float, f: float, h: float, wm: float) -> tuple[float, bool]:
@@ -70,7 +86,7 @@ def held_back(y: float, tau: float, f: float, h: float, wm: float) -> tuple[floa
 
 def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, w0: float, wm: float, w1: float) -> float:
     """Return the fraction of the sub-step at which the motion comes to rest or begins, 1 for none."""
-    tau, f = constants
+    tau, f, drag = constants
     y = state[0]
     if tau == 0.0 or f == 0.0:
         return 1.0
@@ -80,7 +96,7 @@ def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, w0:
         if begins < 1.0 or force == 0.0:
             return begins
         y = 0.0
-    middle, end = lag_step(y, tau, h, w0 - force, wm - force, w1 - force)
+    middle, end = followed(y, tau, drag, force, h, w0, wm, w1)
     return first_crossing(y, middle, end, 0.0)
 
 
@@ -89,18 +105,18 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Follow with the friction against the motion, or stay at rest."""
     del time_s
-    tau, f = constants
+    tau, f, drag = constants
     if tau == 0.0:
         return (w1,), w0, wm, w1
     y = state[0]
     if f == 0.0:
-        middle, end = lag_step(y, tau, h, w0, wm, w1)
+        middle, end = followed(y, tau, drag, 0.0, h, w0, wm, w1)
         return (end,), y, middle, end
     force, rests = held_back(y, tau, f, h, wm)
     if force == 0.0:
         return (0.0,), 0.0, 0.0, 0.0
     y = 0.0 if rests else y
-    middle, end = lag_step(y, tau, h, w0 - force, wm - force, w1 - force)
+    middle, end = followed(y, tau, drag, force, h, w0, wm, w1)
     # the ends of a motion are those of a sub-step: beyond them there is rounding
     middle = middle if middle * force > 0.0 else 0.0
     end = end if end * force > 0.0 else 0.0

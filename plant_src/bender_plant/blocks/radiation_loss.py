@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.kernels.draining_lag import radiating_step
+from bender_plant.kernels.draining_lag import RADIATION, losing_step
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -68,5 +68,5 @@ def step(
     if tau == 0.0:
         return (w1,), w0, wm, w1
     y = state[0]
-    middle, end = radiating_step(y, tau, rest, h, w0, wm, w1)
+    middle, end = losing_step(y, tau, rest, RADIATION, h, w0, wm, w1)
     return (end,), y, middle, end

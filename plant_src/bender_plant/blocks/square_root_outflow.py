@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.kernels.draining_lag import draining_step, outflow
+from bender_plant.kernels.draining_lag import TANK, losing_step, loss
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -76,13 +76,13 @@ def step(
     y0, ym, y1 = w0, wm, w1
     if tau > 0.0:
         y0 = level
-        ym, y1 = draining_step(level, tau, head, h, w0, wm, w1)
+        ym, y1 = losing_step(level, tau, head, TANK, h, w0, wm, w1)
         level = y1
     if second_tau > 0.0:
         q0, qm, q1 = y0, ym, y1
         if tau > 0.0:
-            q0, qm, q1 = outflow(y0, head), outflow(ym, head), outflow(y1, head)
+            q0, qm, q1 = loss(y0, head, TANK), loss(ym, head, TANK), loss(y1, head, TANK)
         y0 = lower
-        ym, y1 = draining_step(lower, second_tau, second_head, h, q0, qm, q1)
+        ym, y1 = losing_step(lower, second_tau, second_head, TANK, h, q0, qm, q1)
         lower = y1
     return (level, lower), y0, ym, y1

@@ -5,7 +5,7 @@ from bender_discrepancy.effects.form import Form, Values, scale
 from bender_discrepancy.effects.lag_taken import without_a_lag
 from bender_plant.model import Model
 
-COVERED = {"friction_um": (0.3, 11.5)}
+COVERED = {"friction_um": (0.3, 11.5), "drag_1_per_um": (0.005, 0.5)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
@@ -13,12 +13,21 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     unseen_s = 0.99 * UNSEEN_OF_A_ROW * sizes.row_s
 
     def apply(model: Model, values: Values) -> Model:
-        """Take over a lag of the plant, whose number stays free beside the friction."""
+        """Take over a lag of the plant, whose number stays free beside the friction and the drag."""
         rest, tau_s = without_a_lag(model, unseen_s, "bearing_friction")
-        return rest.with_block("bearing_friction", time_constant_s=tau_s, friction_um=values[0])
+        loads = dict(zip(COVERED, values, strict=False))
+        return rest.with_block("bearing_friction", time_constant_s=tau_s, **loads)
 
-    force = sizes.sized(scale("friction_um", *COVERED["friction_um"], 6, 0.0), COVERED["friction_um"], "um")
-    return (Form("bearing_friction", "dry friction of a speed", (force,), apply, memory=True),)
+    force, drag = (
+        sizes.sized(scale(name, *COVERED[name], count, 0.0), COVERED[name], unit)
+        for name, count, unit in (("friction_um", 6, "um"), ("drag_1_per_um", 3, "1/um"))
+    )
+    plain = Form("bearing_friction", "dry friction of a speed", (force,), apply, memory=True)
+    both = Form(
+        "bearing_friction", "dry friction of a speed, with drag", (force, drag), apply, memory=True,
+        refines=plain.name, beside="speed_drag", curve=("drag_1_per_um",),
+    )  # fmt: skip
+    return plain, both
 
 
 EFFECT = Effect(
@@ -37,7 +46,10 @@ EFFECT = Effect(
     },
     separation="Cut the drive at speed: friction ends the motion along a straight stretch, a dead zone lets it fade.",
     excitation="steps of several heights both ways, each followed by none until it rests",
-    typical={"friction_um": (0.0, 11.5, "up to half of the speed at full drive, in small motors")},
+    typical={
+        "friction_um": (0.0, 11.5, "up to half of the speed at full drive, in small motors"),
+        "drag_1_per_um": (0.005, 0.5, "the drag of a fan beside it"),
+    },
     covered=COVERED,
     relative=True,
     rigs=OTHER_RIGS,

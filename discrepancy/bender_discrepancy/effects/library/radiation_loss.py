@@ -5,7 +5,7 @@ from bender_discrepancy.effects.form import Form, Values, scale
 from bender_discrepancy.effects.lag_taken import without_a_lag
 from bender_plant.model import Model
 
-COVERED = {"rest_um": (10.0, 300.0)}
+COVERED = {"rest_um": (4.0, 300.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
@@ -33,11 +33,12 @@ EFFECT = Effect(
         "saturation": "A curve of the input: the time constant stays.",
         "output_curve": "A curve of the reading: the time constant stays.",
         "output_limit": "A level that is never passed; below it the lag is a plain one.",
+        "speed_drag": "Both ways alike, and with the level itself, not its third power.",
         "creep": "Slow at every level, not near rest alone.",
     },
     separation="Small steps at several temperatures: gain and time constant fall together, with the third power.",
     excitation="steps of the power up and down about several temperatures, held until the temperature stands",
-    typical={"rest_um": (10.0, 300.0, "the absolute temperature at rest, more where heat is conducted beside")},
+    typical={"rest_um": (4.0, 300.0, "the absolute temperature at rest, more where heat is conducted beside")},
     covered=COVERED,
     relative=True,
     rigs=OTHER_RIGS,
