@@ -12,6 +12,7 @@ from plant_runs import run_plant
 from scipy.integrate import solve_ivp
 
 from bender_plant.blocks import BLOCKS
+from bender_plant.kernels.draining_lag import DRAG, RADIATION, level_held, losing_step, loss
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -240,3 +241,16 @@ def test_a_lagging_counter_averages_the_size_of_a_speed_not_the_speed() -> None:
     plain = run_plant(folded, there_and_back, 0.01)
     lagging = run_plant(folded.with_block("sensor_lag", time_constant_s=0.1), there_and_back, 0.01)
     assert float(np.min(lagging[-20:])) > 0.5 * float(np.mean(plain[-20:])) > 1.0
+
+
+@pytest.mark.parametrize(("law", "size"), [(RADIATION, 293.0), (RADIATION, 5.0), (DRAG, 0.01), (DRAG, 20.0)])
+@pytest.mark.parametrize("power", [10.0, 1e4, 1e7])
+def test_a_loss_that_steepens_never_leads_beyond_the_level_that_is_held(law: int, size: float, power: float) -> None:
+    held, level = level_held(power, size, law), 0.0
+    assert loss(held, size, law) == pytest.approx(power, rel=1e-9)
+    for _ in range(400):
+        middle, end = losing_step(level, 1.0, size, law, 0.05, power, power, power)
+        assert level <= end <= held
+        assert middle <= held
+        level = end
+    assert level == pytest.approx(held, rel=1e-6)

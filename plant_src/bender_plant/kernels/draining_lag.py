@@ -41,12 +41,21 @@ def steepness(y: float, size: float, law: int) -> float:
     return 1.0 / math.sqrt(max(part, NEARLY_EMPTY))
 
 
+def level_held(w: float, size: float, law: int) -> float:
+    """Return the level at which the loss is w, of radiation and drag; -inf where none is so small."""
+    if law == DRAG:
+        return 2.0 * w / (1.0 + math.sqrt(1.0 + 4.0 * size * abs(w)))
+    return size * math.expm1(0.25 * math.log1p(4.0 * w / size)) if 4.0 * w > -size else -math.inf
+
+
 def losing_step(
     y: float, tau: float, size: float, law: int, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float]:  # fmt: skip
     """Advance by h under the parabola through w0, wm, w1; returns (y at h/2, y at h).
 
     The tangent of the loss at the start makes a lag; what departs from it joins the inflow and is found by iteration.
+    A loss that steepens is kept between its start and the levels that the inflow holds: there the iteration may run
+    away where a step is long for it.
     """
     k = steepness(y, size, law)
     beyond = y - loss(y, size, law) / k
@@ -55,4 +64,8 @@ def losing_step(
     for _ in range(TURNS):
         m, e = wm / k + middle - loss(middle, size, law) / k, w1 / k + end - loss(end, size, law) / k
         middle, end = lag_step(y, tau / k, h, start, m, e)
+        if law != TANK:
+            low = min(y, level_held(min(w0, wm, w1), size, law))
+            high = max(y, level_held(max(w0, wm, w1), size, law))
+            middle, end = min(max(middle, low), high), min(max(end, low), high)
     return middle, end
