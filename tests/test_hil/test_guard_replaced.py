@@ -103,7 +103,7 @@ def test_the_first_spare_that_says_so_has_made_safe(scripted: Callable[..., list
 
 def test_the_last_spare_is_given_up_late(scripted: Callable[..., list], monkeypatch: pytest.MonkeyPatch):
     # a machine too busy for the first ones: each would have called, had it been left alone
-    monkeypatch.setattr(spares, "_CALLS_S", (0.01, 0.01, 20.0))
+    monkeypatch.setattr(spares, "_CALLS_S", (0.0, 0.0, 20.0))
     processes = scripted([(0.0, READY)], [(0.0, OFF), (0.0, END)])
     guard = GuardProcess(SETTINGS)
     ended = guard.wait()
