@@ -34,7 +34,7 @@ api_packages = [
     "bender_hil.sources",
     "bender_hil.sensors",
     "bender_hil.supply",
-    "bender_discrepancy.effects",
+    "bender_effects",
 ]
 
 # Tutorials are executed in every build; a cell that fails fails the build.

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from bender_hil.calibration import Calibration
-from bender_hil.vision import Tracker, TrackerSettings
+from bender_vision import Tracker, TrackerSettings
+from bender_vision.scale import Calibration
 
 SCALE = 1.5
 HEIGHT, WIDTH = 240, 320

@@ -9,7 +9,6 @@ from pathlib import Path
 from bender_emulator.microscope.control import clear_faults
 from bender_emulator.settings import SupplyEmulation
 from bender_emulator.start import EmulatedSupply
-from bender_hil.calibration import Calibration
 from bender_hil.emulated import EmulatedBench
 from bender_hil.guard.settings import GuardOrders, GuardSettings
 from bender_hil.guard.start import GuardProcess
@@ -17,6 +16,7 @@ from bender_hil.supply.capability import MODELS
 from bender_hil.supply.patience import Patience
 from bender_hil.supply.select import SupplySettings
 from bender_loop.shell.messages import ClosedError
+from bender_vision.scale import Calibration
 
 QUICK = GuardSettings(shutdown_limit_s=0.8, discharge_limit_s=1.0, heartbeat_s=1.0, frame_age_s=1.0)
 """Limits that end quickly, and are patient with a busy machine where timing is not what is tested."""

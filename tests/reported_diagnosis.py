@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.candidates import candidate_forms
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import grade
-from bender_discrepancy.search.judgement.rules import Rules
-from bender_discrepancy.search.judgement.verdict import Verdict, Word
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import Searched
-from bender_discrepancy.settings import Settings
+from bender_inference.candidates import candidate_forms
+from bender_inference.fitting.fit_problem import problem_of
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import Fitted, fit, judge
+from bender_inference.records.observations import observe
+from bender_inference.search.archive import Archive
+from bender_inference.search.judgement.grades import grade
+from bender_inference.search.judgement.rules import Rules
+from bender_inference.search.judgement.verdict import Verdict, Word
+from bender_inference.search.result import SearchResult
+from bender_inference.search.search import Searched
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
 

@@ -8,9 +8,9 @@ from mishaps import MISHAPS
 from numpy.typing import NDArray
 
 from bender_emulator.microscope import Scene, SceneSettings
-from bender_hil.calibration import Calibration
-from bender_hil.vision import Tracker, TrackerSettings
 from bender_loop.errors import RunError
+from bender_vision import Tracker, TrackerSettings
+from bender_vision.scale import Calibration
 
 ALLOWED_PX = 0.5
 _FRAMES_PER_SCENE = 60

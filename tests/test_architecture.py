@@ -71,7 +71,7 @@ def test_no_child_imports_from_the_working_folder():
 
 
 def test_every_folder_lists_what_it_holds():
-    one_file_each = ("plant_src/bender_plant/blocks", "discrepancy/bender_discrepancy/effects/library")
+    one_file_each = ("plant_src/bender_plant/blocks", "effects/bender_effects/library")
     for init in (path for path in _repository_files() if path.name == "__init__.py"):
         folder = init.parent
         name = folder.relative_to(ROOT).as_posix()

@@ -14,10 +14,10 @@ from bender_loop.records.arguments import add_further_argument, add_port_argumen
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
-    from bender_discrepancy.fitting.journal import Journal
     from bender_discrepancy.report.chart_process import ChartProcess
-    from bender_discrepancy.search.result import SearchResult
-    from bender_discrepancy.settings import Settings
+    from bender_inference.fitting.journal import Journal
+    from bender_inference.search.result import SearchResult
+    from bender_inference.settings import Settings
 
 HELP = "name the physical effect that a model lacks, correct the model, measure the remaining gap"
 EXAMPLE = """\
@@ -149,8 +149,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
     from bender_compiled.interrupts import signals_as_interrupt
-    from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
-    from bender_discrepancy.search.result import BrokenOffError, Interrupted
+    from bender_inference.fitting.journal import Journal, keeping, read_journal
+    from bender_inference.search.result import BrokenOffError, Interrupted
     from bender_loop.errors import RunError
     from bender_loop.shell.files import unused
     from bender_loop.shell.run import remark
@@ -177,8 +177,8 @@ def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
 
 
 def _kept_unranked(out: Path, journal: "Journal") -> int:
-    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
+    from bender_inference.fitting.journal import UNFINISHED
     from bender_loop.shell.files import write_atomically
     from bender_loop.shell.run import going_on
 
@@ -193,10 +193,10 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
 
 def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
     from bender_discrepancy.diagnosis import DIAGNOSIS, FILES
-    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
-    from bender_discrepancy.records.checks import read_model
-    from bender_discrepancy.structures import AUTO
+    from bender_inference.fitting.journal import UNFINISHED
+    from bender_inference.records.checks import read_model
+    from bender_inference.structures import AUTO
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
@@ -240,7 +240,7 @@ def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> 
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
-    from bender_discrepancy.settings import HIGHEST_V, LEAST_CONFIDENCE, Settings
+    from bender_inference.settings import HIGHEST_V, LEAST_CONFIDENCE, Settings
     from bender_loop.errors import InputError
 
     highest: float | None = arguments.highest_voltage
@@ -279,8 +279,8 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace,
     """Keep what was ranked; returns where, in words."""
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
-    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
+    from bender_inference.fitting.journal import UNFINISHED
     from bender_loop.shell.files import write_atomically, write_result
     from bender_loop.shell.run import going_on
 
@@ -323,8 +323,8 @@ def diagnose_into(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
-    from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
+    from bender_inference.search.result import Interrupted
     from bender_loop.shell.progress import Progress
     from bender_loop.shell.run import remark
 

@@ -16,20 +16,20 @@ from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, Rec
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.conclusion.smallest_visible import Smallest
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.equation.lead import Lead
-from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.pickling import pickle_with_closures
-from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import figures_of
 from bender_discrepancy.rivals import RIVAL_FILES, RivalModel, rival_models
-from bender_discrepancy.witnesses.missing_columns import MissingColumn, missing_columns
+from bender_effects.catalogue import EFFECTS
+from bender_effects.rigs import is_piezo_bender
 from bender_export.documentation import origin_page
 from bender_export.origin import REPORT as REPORT_IN_FMU
 from bender_export.origin import with_documents
+from bender_inference.equation.lead import Lead
+from bender_inference.experiment.proposal import PROFILE, Proposal
+from bender_inference.records.stand_in import StandIn
+from bender_inference.witnesses.missing_columns import MissingColumn, missing_columns
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model

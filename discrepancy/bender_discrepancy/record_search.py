@@ -5,32 +5,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from bender_discrepancy.candidates import affordable, candidate_forms, eligible, too_long
 from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.form import Form
-from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
-from bender_discrepancy.fitting.level_cell import centred
-from bender_discrepancy.fitting.output_error import fit, recounted
-from bender_discrepancy.fitting.own_numbers import own_form
-from bender_discrepancy.fitting.visible_modes import without_unseen_modes
-from bender_discrepancy.input_hold import OtherCourseError, better_course, course_of_another_effect
-from bender_discrepancy.records.digits import jitter_um, lattice_step_um
-from bender_discrepancy.records.excerpt import Excerpt, excerpts
-from bender_discrepancy.records.initial_motion import moving, started
-from bender_discrepancy.records.observations import Array, Observations, observe
-from bender_discrepancy.search.full_record import FullRecordCheck, check_on_full_record, judged_on_full_record
-from bender_discrepancy.search.judgement.grades import grade, relevant_part
-from bender_discrepancy.search.judgement.verdict import decide
-from bender_discrepancy.search.moves import Catalogue, Kit
-from bender_discrepancy.search.result import Interrupted, SearchResult, rules_for
-from bender_discrepancy.search.search import Progress, Searched, search
-from bender_discrepancy.search.set_aside import with_late_stamps
-from bender_discrepancy.search.start import better_beginning
-from bender_discrepancy.settings import Settings
-from bender_discrepancy.structures import CompetingStructure, rebased
-from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
+from bender_effects.catalogue import EFFECTS
+from bender_effects.form import Form
+from bender_effects.rigs import is_piezo_bender
+from bender_inference.candidates import affordable, candidate_forms, eligible, too_long
+from bender_inference.fitting.fit_problem import FitProblem, problem_of
+from bender_inference.fitting.level_cell import centred
+from bender_inference.fitting.output_error import fit, recounted
+from bender_inference.fitting.own_numbers import own_form
+from bender_inference.fitting.visible_modes import without_unseen_modes
+from bender_inference.input_hold import OtherCourseError, better_course, course_of_another_effect
+from bender_inference.records.digits import jitter_um, lattice_step_um
+from bender_inference.records.excerpt import Excerpt, excerpts
+from bender_inference.records.initial_motion import moving, started
+from bender_inference.records.observations import Array, Observations, observe
+from bender_inference.search.full_record import FullRecordCheck, check_on_full_record, judged_on_full_record
+from bender_inference.search.judgement.grades import grade, relevant_part
+from bender_inference.search.judgement.verdict import decide
+from bender_inference.search.moves import Catalogue, Kit
+from bender_inference.search.result import Interrupted, SearchResult, rules_for
+from bender_inference.search.search import Progress, Searched, search
+from bender_inference.search.set_aside import with_late_stamps
+from bender_inference.search.start import better_beginning
+from bender_inference.settings import Settings
+from bender_inference.structures import CompetingStructure, rebased
+from bender_inference.witnesses.testimony import Witnesses, judge_channels
 from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record

@@ -6,8 +6,8 @@ from bender_discrepancy.conclusion.contenders import MOST_REPORTED
 from bender_discrepancy.conclusion.findings import Findings, moved_gain
 from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.measurement.reading_units import in_reading_units
-from bender_discrepancy.fitting.output_error import Fitted
 from bender_export.build import plant_fmu
+from bender_inference.fitting.output_error import Fitted
 from bender_plant.model import Model, ModelError
 from bender_report.wording import listed
 

@@ -13,7 +13,6 @@ from tempfile import TemporaryDirectory
 from threadpoolctl import threadpool_limits
 
 from bender_compiled.background_compilation import compile_in_background
-from bender_discrepancy.candidates import tried_first
 from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.findings import Findings, find
@@ -22,22 +21,23 @@ from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.origin import with_origin
 from bender_discrepancy.conclusion.smallest_visible import smallest_visible
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.equation.joined import with_equation
-from bender_discrepancy.equation.lead import find_lead
-from bender_discrepancy.experiment.proposal import propose
-from bender_discrepancy.input_hold import decide_input_hold
 from bender_discrepancy.record_search import MOST_EFFECTS, search_records
-from bender_discrepancy.records.checks import refuse_unusable
-from bender_discrepancy.records.digits import printed
-from bender_discrepancy.records.first_look import doubt
-from bender_discrepancy.records.observations import Array
-from bender_discrepancy.search.judgement.rules import MOST_GAIN
-from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
-from bender_discrepancy.search.search import Progress
-from bender_discrepancy.settings import Settings
-from bender_discrepancy.structures import between_rows_decided, competing_structures
+from bender_effects.rigs import is_piezo_bender
 from bender_identify.records.memory import memory_s
+from bender_inference.candidates import tried_first
+from bender_inference.equation.joined import with_equation
+from bender_inference.equation.lead import find_lead
+from bender_inference.experiment.proposal import propose
+from bender_inference.input_hold import decide_input_hold
+from bender_inference.records.checks import refuse_unusable
+from bender_inference.records.digits import printed
+from bender_inference.records.first_look import doubt
+from bender_inference.records.observations import Array
+from bender_inference.search.judgement.rules import MOST_GAIN
+from bender_inference.search.result import BrokenOffError, Interrupted, SearchResult
+from bender_inference.search.search import Progress
+from bender_inference.settings import Settings
+from bender_inference.structures import between_rows_decided, competing_structures
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.common_units import in_units_of
 from bender_loop.records.missing_rows import completed, without_remembered

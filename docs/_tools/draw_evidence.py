@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 import piezo_bender as pb
-from bender_discrepancy.records.roles import blocks_of, held_out_and_reported
+from bender_inference.records.roles import blocks_of, held_out_and_reported
 from bender_report.palette import light
 
 ROOT = Path(__file__).parents[2]

@@ -90,8 +90,8 @@ def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
 
 def _model(name: str, foreign: Any) -> tuple[Any, dict[str, Any]]:
     """Return the model and what a key is made of."""
-    from bender_discrepancy.records.checks import read_model
     from bender_fleet.sources.keys import file_digest
+    from bender_inference.records.checks import read_model
     from bender_loop.errors import InputError
 
     if foreign is None:
@@ -119,7 +119,7 @@ def _reading(asked: dict[str, Any]) -> "Reading":
 
 
 def _settings(asked: dict[str, Any]) -> Any:
-    from bender_discrepancy.settings import Settings
+    from bender_inference.settings import Settings
 
     hold = asked["input_hold"]
     return Settings(

@@ -1,4 +1,4 @@
-"""The bench: supply, camera, tip tracking, guard, runner, and an emulated bench that is real down to the wire.
+"""The bench: supply, camera, guard, runner, and an emulated bench that is real down to the wire.
 
 | module | holds |
 |---|---|
@@ -18,5 +18,4 @@
 | `sensors/` | sensors that are no camera |
 | `sources/` | sources beside the supply, and amplifiers |
 | `supply/` | supplies: capabilities and dialects as tables, one driver over them, links over PyVISA |
-| `vision/` | where the tip of the wire is in a picture, how sure that is, and when it cannot be said |
 """

@@ -12,7 +12,6 @@ from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from bender_emulator.microscope.settings import SceneSettings
-from bender_hil.calibration.scale import Calibration
 from bender_hil.calibration.sensor_scale import SensorCalibration
 from bender_hil.camera.settings import CameraSettings
 from bender_hil.emulated import MICROSCOPE, EmulationSettings
@@ -30,11 +29,12 @@ from bender_hil.sources.kinds import (
 )
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import USUAL_PROTECTION_V
-from bender_hil.vision.settings import TrackerSettings
 from bender_loop.bounds import Bounds, check_numbers
 from bender_loop.errors import InputError
 from bender_loop.shell.complaint import first_complaint
 from bender_loop.shell.toml_file import read_toml_file
+from bender_vision.scale import Calibration
+from bender_vision.settings import TrackerSettings
 
 _T = TypeVar("_T")
 _MOST_DEVICES, _LONGEST_SENTENCE = 255, 300

@@ -64,12 +64,12 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: bad settings or files, or a directory that will not do.
         RunError: the guard ended a play, or the bench does not answer.
     """
-    from bender_discrepancy.records.checks import read_model
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.command import watched
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
     from bender_hil.log.read_run import RUN
+    from bender_inference.records.checks import read_model
     from bender_investigate.investigation import Investigation
     from bender_investigate.real_bench import RealBench
     from bender_investigate.settings import InvestigationSettings

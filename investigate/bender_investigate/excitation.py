@@ -8,8 +8,8 @@ faster than the first resonance gets steps and a sweep.
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.experiment.profiles import Limits, within
 from bender_hil.runner.voltages import Voltages
+from bender_inference.experiment.profiles import Limits, within
 from bender_investigate.safety import Allowed, of_rows
 
 Array = NDArray[np.float64]

@@ -21,9 +21,9 @@ from bender_discrepancy.conclusion.diagnosis_json import FMU, is_written
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.output_folder import all_or_no_files
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_hil.runner.voltages import Voltages
+from bender_inference.settings import Settings
 from bender_investigate import excitation
 from bender_investigate.bench_port import BenchPort, Controller
 from bender_investigate.journal import JOURNAL, DecisionJournal

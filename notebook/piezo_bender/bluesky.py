@@ -98,8 +98,8 @@ class Bench(Device):
 
     def investigate(self, folder: Path, stop: _Stop, words: dict[str, Any]) -> list[Row]:
         """Let the bench find out what its model lacks; returns one row."""
-        from bender_discrepancy.records.checks import read_model
         from bender_hil.command import OWN_GAINS
+        from bender_inference.records.checks import read_model
         from bender_investigate.investigation import Investigation
         from bender_investigate.real_bench import RealBench
         from bender_investigate.settings import InvestigationSettings

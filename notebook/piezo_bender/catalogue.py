@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_discrepancy.effects.catalogue import EFFECTS, Effect
+from bender_effects.catalogue import EFFECTS, Effect
 from bender_loop.errors import InputError
 from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors
 

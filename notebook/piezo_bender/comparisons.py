@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.records.checks import refuse_other_device
+from bender_inference.records.checks import refuse_other_device
 from bender_loop.errors import InputError
 from bender_loop.records.common_units import driven_in, in_units_of
 from bender_loop.records.compare import Comparison, require_readings

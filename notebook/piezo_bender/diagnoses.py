@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.conclusion.diagnosis_json import MODEL
 from bender_discrepancy.diagnosis import Diagnosis as DiagnosisOfRecords
 from bender_discrepancy.foreign.diagnose import diagnose_fmu as diagnose_records_of_fmu
-from bender_discrepancy.settings import Beginning, Settings
-from bender_discrepancy.structures import AUTO
 from bender_discrepancy.workflow import diagnose as diagnose_records
+from bender_inference.settings import Beginning, Settings
+from bender_inference.structures import AUTO
 from bender_loop.errors import InputError
 from bender_loop.records.variables import variables_of
 from piezo_bender.models import AnyModel, PlantModel, load_model

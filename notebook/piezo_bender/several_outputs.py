@@ -11,7 +11,7 @@ from bender_discrepancy.foreign.outputs import diagnose_outputs as diagnose_reco
 from bender_discrepancy.foreign.outputs_report import content, folders_of, joint_numbers, sentence, write
 from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.pickling import pickle_with_closures
-from bender_discrepancy.settings import Beginning, Settings
+from bender_inference.settings import Beginning, Settings
 from bender_loop.errors import InputError
 from bender_loop.records.variables import variables_of
 from bender_report.drawing import require_drawing

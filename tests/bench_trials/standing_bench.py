@@ -11,9 +11,9 @@ from types import TracebackType
 from typing import Self
 
 from bender_emulator.microscope.settings import SceneSettings
-from bender_hil.calibration import Calibration
 from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_loop.shell.messages import ClosedError
+from bender_vision.scale import Calibration
 
 FRAMES_PER_S = 30.0
 Arrival = tuple[float, float]

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from bender_cli.main import main
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_effects.catalogue import EFFECTS
 
 
 @pytest.fixture(autouse=True)
@@ -92,7 +92,7 @@ def test_a_place_that_cannot_be_written_is_refused(capsys: pytest.CaptureFixture
 def test_an_installed_package_has_no_pages_to_write(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("bender_discrepancy.effects.checkout.root_of_checkout", lambda: None)
+    monkeypatch.setattr("bender_effects.checkout.root_of_checkout", lambda: None)
     for words in (["--write-docs"], ["new", "reading_ceiling", "--stage", "sensor"]):
         assert main(["effects", *words]) == 2
         assert "found an installed package without docs/effects/index.md" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import pytest
 
 import piezo_bender as pb
 from bender_cli.main import main
-from bender_discrepancy.effects.rigs import learned_commands
+from bender_effects.rigs import learned_commands
 from bender_plant.model import load_model
 
 COLUMNS = "time [ms],drive (V),speed [{unit}]"

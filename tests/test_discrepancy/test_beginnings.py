@@ -20,12 +20,12 @@ from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.conclusion.measurement.playable import playable, playable_for
 from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
-from bender_discrepancy.records.initial_motion import moving, standing_before, started
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
-from bender_discrepancy.settings import Settings
 from bender_export.build import build_plant_fmu
+from bender_inference.records.excitation import one_sine, sine_frequency_Hz
+from bender_inference.records.initial_motion import moving, standing_before, started
+from bender_inference.records.observations import observe
+from bender_inference.records.ringing import first_resonance, free_ringing, rung_out
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
 from bender_plant.plant import longest_step_s

@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bender_discrepancy
+import bender_inference
 from bender_discrepancy.conclusion.sentences import heading_of, title_of
-from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um, forms
-from bender_discrepancy.effects.documents import documents, shown_parameters, stale
-from bender_discrepancy.effects.effect import CALIBRATION, Sizes, powers_of_unit
-from bender_discrepancy.effects.form import Free
 from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
 from bender_discrepancy.report.signature.views import VIEWS
+from bender_effects.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um, forms
+from bender_effects.documents import documents, shown_parameters, stale
+from bender_effects.effect import CALIBRATION, Sizes, powers_of_unit
+from bender_effects.form import Free
 from bender_plant.blocks import BLOCKS
 from bender_plant.kernels.bouc_wen import along
 from bender_plant.model import load_model
@@ -137,7 +138,7 @@ def test_nothing_of_the_skeleton_is_left_to_do(effect: Effect):
     files = [
         Path(effect.page),
         Path(f"plant_src/bender_plant/blocks/{effect.block.id}.py"),
-        Path(f"discrepancy/bender_discrepancy/effects/library/{effect.id}.py"),
+        Path(f"effects/bender_effects/library/{effect.id}.py"),
         Path(f"tests/effect_examples/{effect.id}.py"),
         Path("plant_src/bender_plant/blocks/__init__.py"),
     ]
@@ -246,7 +247,7 @@ def test_a_voltage_and_a_displacement_have_the_titles_of_the_catalogue() -> None
     assert title_of("second_mode") == "a second mode"
 
 
-PACKAGE = Path(bender_discrepancy.__file__).parent
+PACKAGES = [Path(x.__path__[0]) for x in (bender_discrepancy, bender_inference)]
 IDS = {name for name, x in EFFECTS.items() if x.stage != CALIBRATION}
 OF_A_MODEL = {
     "candidates.py",
@@ -270,9 +271,9 @@ def with_ids(path: Path) -> set[str]:
 
 
 def test_no_other_file_knows_an_effect_by_its_id() -> None:
-    paths = [x for x in PACKAGE.rglob("*.py") if x.relative_to(PACKAGE).parts[0] != "effects"]
+    paths = [(x, package) for package in PACKAGES for x in package.rglob("*.py")]
     assert len(paths) > 50
-    assert {x.relative_to(PACKAGE).as_posix() for x in paths if with_ids(x)} == OF_A_MODEL
+    assert {x.relative_to(package).as_posix() for x, package in paths if with_ids(x)} == OF_A_MODEL
 
 
 OTHER_DEVICE = Sizes(10.0, 5.0, 600.0, 0.5, piezo_bender=False, highest_Hz=10.0)

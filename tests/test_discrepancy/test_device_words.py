@@ -5,10 +5,10 @@ import re
 import pytest
 
 from bender_discrepancy.conclusion.sentences import share_of_stroke
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.effect import PIEZO_BENDERS, Effect
 from bender_discrepancy.report.device_words import for_device
-from bender_discrepancy.settings import Settings
+from bender_effects.catalogue import EFFECTS
+from bender_effects.effect import PIEZO_BENDERS, Effect
+from bender_inference.settings import Settings
 from bender_report.wording import shown_in
 
 OF_A_BENDER = re.compile(

@@ -16,21 +16,21 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear
 from scipy.signal import TransferFunction, lsim
 
-from bender_discrepancy.candidates import affordable, candidate_forms
 from bender_discrepancy.conclusion.contenders import alternatives
-from bender_discrepancy.effects.catalogue import forms
-from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, FULL_STROKE_um, Sizes, powers_of_unit, scaling
-from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import Fitted, fit
-from bender_discrepancy.fitting.starts import solved_with_signs
-from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.checks import read_model, refuse_unusable
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.settings import Settings
-from bender_discrepancy.structures import competing_structures
 from bender_discrepancy.workflow import diagnose
+from bender_effects.catalogue import forms
+from bender_effects.effect import FULL_VOLTAGE_V, FULL_STROKE_um, Sizes, powers_of_unit, scaling
+from bender_inference.candidates import affordable, candidate_forms
+from bender_inference.fitting.fit_problem import FitProblem
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import Fitted, fit
+from bender_inference.fitting.starts import solved_with_signs
+from bender_inference.fitting.visible_modes import without_unseen_modes
+from bender_inference.records.checks import read_model, refuse_unusable
+from bender_inference.records.observations import observe
+from bender_inference.settings import Settings
+from bender_inference.structures import competing_structures
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
 from bender_loop.tables.quantities import Quantities

@@ -18,13 +18,13 @@ from bender_cli.main import main
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.partial import partial_outcome, ranking
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
 from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.result import Interrupted, SearchResult
+from bender_inference.fitting.fit_problem import problem_of
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.journal import Journal, keeping, read_journal
+from bender_inference.records.observations import observe
+from bender_inference.search.result import Interrupted, SearchResult
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model, model_from_table

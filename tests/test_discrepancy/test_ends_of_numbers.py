@@ -10,18 +10,18 @@ from reported_diagnosis import FRAME_S, levels, record_of, told
 from scipy.signal import lfilter
 
 from bender_cli.main import main
-from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.observations import observe
 from bender_discrepancy.rivals import rival_models
-from bender_discrepancy.search.judgement.rules import MOST_GAIN, Rules
-from bender_discrepancy.search.search import parsimonious
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose, refuse_gain
 from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.learned import learn
 from bender_identify.first_model.structures import Structure
+from bender_inference.candidates import candidate_forms
+from bender_inference.records.observations import observe
+from bender_inference.search.judgement.rules import MOST_GAIN, Rules
+from bender_inference.search.search import parsimonious
+from bender_inference.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, write_record
 from bender_loop.tables.quantities import USUAL

@@ -16,23 +16,23 @@ from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
 from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, recalibrated_readings
 from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
-from bender_discrepancy.experiment.profiles import seen_limits
-from bender_discrepancy.fitting.blocked import predicted_errors
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.fitting.own_numbers import own_form
-from bender_discrepancy.records.initial_motion import beginnings
-from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
-from bender_discrepancy.records.observations import observe, turns_plays
-from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import contradicted, grade, relevant_part
-from bender_discrepancy.search.judgement.probability import Case, probability
-from bender_discrepancy.search.judgement.rules import Rules
-from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters, decide
-from bender_discrepancy.search.search import Searched
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import conclude, diagnose
+from bender_inference.experiment.profiles import seen_limits
+from bender_inference.fitting.blocked import predicted_errors
+from bender_inference.fitting.fit_problem import problem_of
+from bender_inference.fitting.hypothesis import Hypothesis, Part
+from bender_inference.fitting.output_error import fit
+from bender_inference.fitting.own_numbers import own_form
+from bender_inference.records.initial_motion import beginnings
+from bender_inference.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
+from bender_inference.records.observations import observe, turns_plays
+from bender_inference.search.archive import Archive
+from bender_inference.search.judgement.grades import contradicted, grade, relevant_part
+from bender_inference.search.judgement.probability import Case, probability
+from bender_inference.search.judgement.rules import Rules
+from bender_inference.search.judgement.verdict import Verdict, calibration_matters, decide
+from bender_inference.search.search import Searched
+from bender_inference.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_plant.model import load_model, model_from_table

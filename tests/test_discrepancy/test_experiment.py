@@ -13,17 +13,17 @@ import pytest
 from reported_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.command import run
 from bender_discrepancy.conclusion.smallest_visible import Smallest, smallest_visible
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.experiment import design as experiment
-from bender_discrepancy.experiment.design import SWEPT, SWEPT_FARTHER, Experiment, design
-from bender_discrepancy.experiment.profiles import Limits, Sine
-from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.record_search import search_records
 from bender_discrepancy.report.visible_section import never_visible, visible_rows
-from bender_discrepancy.search.result import SearchResult
+from bender_effects.catalogue import EFFECTS
+from bender_inference.candidates import candidate_forms
+from bender_inference.experiment import design as experiment
+from bender_inference.experiment.design import SWEPT, SWEPT_FARTHER, Experiment, design
+from bender_inference.experiment.profiles import Limits, Sine
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.search.result import SearchResult
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model, model_from_table

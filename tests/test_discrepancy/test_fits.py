@@ -13,21 +13,21 @@ from hypothesis import strategies as st
 from reported_diagnosis import hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.candidates import candidate_forms
-from bender_discrepancy.effects.form import amplitude, simple
-from bender_discrepancy.fitting import output_error, starts
-from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.level_cell import Cell, cell_of, cell_V, centred, is_undetermined
-from bender_discrepancy.fitting.output_error import WORTH, Fitted, fit, judge
-from bender_discrepancy.fitting.scans.chosen import scan_any
-from bender_discrepancy.fitting.scans.jumps import FINER_AND_FINER, middle_of_equal_fits, minimise_in_jumps
-from bender_discrepancy.fitting.standing import Standing, standing
-from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search import explore
-from bender_discrepancy.search.moves import Catalogue, Kit
+from bender_effects.form import amplitude, simple
+from bender_inference.candidates import candidate_forms
+from bender_inference.fitting import output_error, starts
+from bender_inference.fitting.fit_problem import FitProblem, problem_of
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.level_cell import Cell, cell_of, cell_V, centred, is_undetermined
+from bender_inference.fitting.output_error import WORTH, Fitted, fit, judge
+from bender_inference.fitting.scans.chosen import scan_any
+from bender_inference.fitting.scans.jumps import FINER_AND_FINER, middle_of_equal_fits, minimise_in_jumps
+from bender_inference.fitting.standing import Standing, standing
+from bender_inference.fitting.uncertainty import uncertainty
+from bender_inference.records.observations import observe
+from bender_inference.search import explore
+from bender_inference.search.moves import Catalogue, Kit
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

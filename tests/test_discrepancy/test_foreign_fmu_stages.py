@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from bender_discrepancy.effects.form import Form, Free
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.foreign import corrected_fmu
 from bender_discrepancy.foreign.container_stages import Original, stages_around
 from bender_discrepancy.foreign.relaxation_model import fit_relaxation
 from bender_discrepancy.foreign.space_mapping import extrapolate_values
-from bender_discrepancy.records.observations import observe
+from bender_effects.form import Form, Free
+from bender_inference.fitting.hypothesis import Hypothesis, Part
+from bender_inference.records.observations import observe
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record
 from bender_plant.blocks import BLOCKS, bending_modes, learned_hysteresis

@@ -14,9 +14,9 @@ from bender_discrepancy.conclusion.measurement import gap
 from bender_discrepancy.conclusion.measurement.corrected_model import driven
 from bender_discrepancy.conclusion.measurement.driver import Driver
 from bender_discrepancy.conclusion.measurement.gap import _build
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_export.build import build_plant_fmu
+from bender_inference.settings import Settings
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record

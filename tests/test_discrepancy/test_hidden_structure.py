@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.signal import TransferFunction, lsim
 
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.own_numbers import own_form
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.judgement.rules import Rules
-from bender_discrepancy.search.moves import Catalogue, Kit
-from bender_discrepancy.search.search import search
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_identify.first_model.structures import Structure
+from bender_inference.fitting.fit_problem import problem_of
+from bender_inference.fitting.own_numbers import own_form
+from bender_inference.records.observations import observe
+from bender_inference.search.judgement.rules import Rules
+from bender_inference.search.moves import Catalogue, Kit
+from bender_inference.search.search import search
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 
 DEAD_ZONE_V, LAG_S, FREQUENCY_HZ, DAMPING_RATIO = 0.4, 0.17, 3.2, 0.15

@@ -8,10 +8,10 @@ import pytest
 from reported_diagnosis import FRAME_S, NOISE_um, record_of
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy import input_hold
-from bender_discrepancy.input_hold import decide_input_hold
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.settings import Settings
+from bender_inference import input_hold
+from bender_inference.input_hold import decide_input_hold
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

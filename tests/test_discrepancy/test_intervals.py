@@ -12,13 +12,13 @@ from scipy.optimize import brentq, fminbound
 from scipy.stats import t as student_t
 
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.effects.form import Free, growth, scale
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import judge
-from bender_discrepancy.fitting.profile import Ends, Z, interval_ends, may_vanish
-from bender_discrepancy.fitting.uncertainty import sandwich, uncertainty
-from bender_discrepancy.search.judgement.grades import Doubt
-from bender_discrepancy.search.result import SearchResult
+from bender_effects.form import Free, growth, scale
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import judge
+from bender_inference.fitting.profile import Ends, Z, interval_ends, may_vanish
+from bender_inference.fitting.uncertainty import sandwich, uncertainty
+from bender_inference.search.judgement.grades import Doubt
+from bender_inference.search.result import SearchResult
 from bender_plant.model import load_model
 from bender_report.number import Number
 

@@ -18,16 +18,16 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.gap import measure
-from bender_discrepancy.equation import lead as lead_module
-from bender_discrepancy.equation.joined import with_equation, written
-from bender_discrepancy.equation.lead import Lead, find_lead
-from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING, Term, equation
-from bender_discrepancy.fitting.hypothesis import Part
-from bender_discrepancy.fitting.journal import Journal, keeping
-from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.fitting.own_numbers import own_form
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.settings import Settings
+from bender_inference.equation import lead as lead_module
+from bender_inference.equation.joined import with_equation, written
+from bender_inference.equation.lead import Lead, find_lead
+from bender_inference.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING, Term, equation
+from bender_inference.fitting.hypothesis import Part
+from bender_inference.fitting.journal import Journal, keeping
+from bender_inference.fitting.output_error import fit
+from bender_inference.fitting.own_numbers import own_form
+from bender_inference.search.result import SearchResult
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.blocks.residual_equation import powers_of
 from bender_plant.model import load_model

@@ -17,9 +17,9 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records import excerpt
-from bender_discrepancy.records.excerpt import Excerpt, excerpts
-from bender_discrepancy.records.observations import Observations, observe
+from bender_inference.records import excerpt
+from bender_inference.records.excerpt import Excerpt, excerpts
+from bender_inference.records.observations import Observations, observe
 from bender_loop.records.record import Record
 from bender_loop.records.telling_rows import AS_GOOD, first_row, shown_parts
 from bender_plant.model import load_model

@@ -8,9 +8,9 @@ import pytest
 from reported_diagnosis import hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.records.observations import observe
+from bender_inference.candidates import candidate_forms
+from bender_inference.records.observations import observe
 from bender_plant.model import Model, load_model
 
 BEAM = load_model("beam")

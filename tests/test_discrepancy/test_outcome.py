@@ -22,23 +22,23 @@ from bender_discrepancy.conclusion.notes import SetAside, set_aside, warnings
 from bender_discrepancy.conclusion.numbers import Span, number, numbers
 from bender_discrepancy.conclusion.sentences import evidence
 from bender_discrepancy.diagnosis import DIAGNOSIS, FILES, Diagnosis
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.form import Form, Free
-from bender_discrepancy.experiment.design import Experiment
-from bender_discrepancy.experiment.proposal import Proposal
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.fitting.own_numbers import own_form
-from bender_discrepancy.fitting.profile import Ends
-from bender_discrepancy.fitting.uncertainty import uncertainty
-from bender_discrepancy.records.first_look import doubt
-from bender_discrepancy.records.observations import observe
 from bender_discrepancy.report.page import report_page
 from bender_discrepancy.report.summary import _beside, summary
 from bender_discrepancy.rivals import rival_models
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
+from bender_effects.catalogue import EFFECTS
+from bender_effects.form import Form, Free
+from bender_inference.experiment.design import Experiment
+from bender_inference.experiment.proposal import Proposal
+from bender_inference.fitting.fit_problem import problem_of
+from bender_inference.fitting.hypothesis import Hypothesis, Part
+from bender_inference.fitting.output_error import fit
+from bender_inference.fitting.own_numbers import own_form
+from bender_inference.fitting.profile import Ends
+from bender_inference.fitting.uncertainty import uncertainty
+from bender_inference.records.first_look import doubt
+from bender_inference.records.observations import observe
+from bender_inference.settings import Settings
 from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.fmu.file import read_description
 from bender_loop.records.missing_rows import completed

@@ -9,9 +9,9 @@ from reported_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.digits import lattice_step_um
-from bender_discrepancy.records.excerpt import Excerpt
-from bender_discrepancy.records.observations import Observations, observe
+from bender_inference.records.digits import lattice_step_um
+from bender_inference.records.excerpt import Excerpt
+from bender_inference.records.observations import Observations, observe
 from bender_loop.records.outliers import (
     AFTER_A_JUMP_ROWS,
     FAR,

@@ -21,7 +21,7 @@ from bender_discrepancy.conclusion.shares import held_square_um2, split
 from bender_discrepancy.report.page import missing_rows, report_page
 from bender_discrepancy.report.pictured_record import pictured_record
 from bender_discrepancy.report.summary import summary
-from bender_discrepancy.settings import Settings
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

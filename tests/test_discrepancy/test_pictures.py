@@ -10,7 +10,6 @@ from reported_diagnosis import NOISE_um, hypothesis, record_of, told
 
 from bender_compiled.parallel_map import THREADS
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
 from bender_discrepancy.report.chart_process import BESIDE, CHARTS, ChartProcess, charts_of
 from bender_discrepancy.report.effect_pictures import components
 from bender_discrepancy.report.pictured_record import PicturedRecord
@@ -18,6 +17,7 @@ from bender_discrepancy.report.residual_pictures import over_frequency
 from bender_discrepancy.report.signature.drives import simulate
 from bender_discrepancy.report.signature.picture import draw_signature
 from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, response
+from bender_effects.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
 from bender_plant.model import load_model
 from bender_report.chart import bulk_limits
 from bender_report.wording import shown_in

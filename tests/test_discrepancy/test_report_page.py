@@ -19,9 +19,6 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.experiment.proposal import Proposal
-from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.loop_and_creep import (
     creep_per_decade,
@@ -30,6 +27,9 @@ from bender_discrepancy.report.loop_and_creep import (
 from bender_discrepancy.report.loop_figures import ROWS_OF_A_BRANCH, loop_of
 from bender_discrepancy.report.page import gap_bars, report_page
 from bender_discrepancy.report.residual_pictures import banded_density
+from bender_effects.catalogue import EFFECTS
+from bender_inference.experiment.proposal import Proposal
+from bender_inference.fitting.criterion import very_strong
 from bender_plant.model import Model, load_model, model_from_table
 from bender_report.chart import plain_logarithmic
 from bender_report.number import Number

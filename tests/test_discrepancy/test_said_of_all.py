@@ -14,16 +14,16 @@ from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber,
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import more_than_noise, row_of_file
 from bender_discrepancy.conclusion.sentences import gap_sentence, headline
-from bender_discrepancy.effects.form import growth, monotone
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.report.summary import summary
-from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.full_record import FullRecordCheck, judged_on_full_record
-from bender_discrepancy.search.judgement.grades import grade
-from bender_discrepancy.search.judgement.rules import RULES, ended_without_answer
-from bender_discrepancy.search.judgement.verdict import PARTLY, decide
-from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.workflow import measured_through_fmu, next_best, refuted
+from bender_effects.form import growth, monotone
+from bender_inference.fitting.hypothesis import Hypothesis, Part
+from bender_inference.search.archive import Archive
+from bender_inference.search.full_record import FullRecordCheck, judged_on_full_record
+from bender_inference.search.judgement.grades import grade
+from bender_inference.search.judgement.rules import RULES, ended_without_answer
+from bender_inference.search.judgement.verdict import PARTLY, decide
+from bender_inference.search.result import SearchResult
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

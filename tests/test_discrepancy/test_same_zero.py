@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.conclusion.notes import warnings
-from bender_discrepancy.fitting.fit_problem import calibrated, problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.fitting.uncertainty import uncertainty
-from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_identify.first_model.structures import Structure
+from bender_inference.fitting.fit_problem import calibrated, problem_of
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import fit
+from bender_inference.fitting.uncertainty import uncertainty
+from bender_inference.records.observations import Observations, observe
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 
 

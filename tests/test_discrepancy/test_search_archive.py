@@ -13,22 +13,23 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
-from bender_discrepancy.candidates import candidate_forms
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form, part_without_named
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.observations import hardly_steps, observe
-from bender_discrepancy.records.roles import blocks_of
-from bender_discrepancy.search import search as search_module
-from bender_discrepancy.search import transfer
-from bender_discrepancy.search.archive import Archive, left_square
-from bender_discrepancy.search.explore import explore_beside_each
-from bender_discrepancy.search.judgement.grades import Graded, grade
-from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
-from bender_discrepancy.search.judgement.verdict import decide
-from bender_discrepancy.search.moves import (
+from bender_identify.first_model.structures import Structure
+from bender_inference.candidates import candidate_forms
+from bender_inference.fitting.fit_problem import problem_of
+from bender_inference.fitting.hypothesis import Hypothesis, Part
+from bender_inference.fitting.output_error import Fitted, fit, judge
+from bender_inference.fitting.own_numbers import first_mode_Hz, own_form, part_without_named
+from bender_inference.records.observations import hardly_steps, observe
+from bender_inference.records.roles import blocks_of
+from bender_inference.search import search as search_module
+from bender_inference.search import transfer
+from bender_inference.search.archive import Archive, left_square
+from bender_inference.search.explore import explore_beside_each
+from bender_inference.search.judgement.grades import Graded, grade
+from bender_inference.search.judgement.rules import RULES, Rules, above_floor_um2
+from bender_inference.search.judgement.verdict import decide
+from bender_inference.search.moves import (
     ADJUST,
     AGAINST,
     BESIDE,
@@ -42,10 +43,9 @@ from bender_discrepancy.search.moves import (
     restructure,
     swap,
 )
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import Searched, improved, leading_fits, parsimonious, with_named_numbers
-from bender_discrepancy.settings import Settings
-from bender_identify.first_model.structures import Structure
+from bender_inference.search.result import SearchResult
+from bender_inference.search.search import Searched, improved, leading_fits, parsimonious, with_named_numbers
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record, read_record
 from bender_plant.model import load_model, model_from_table
 from bender_proving.devices.record import draw

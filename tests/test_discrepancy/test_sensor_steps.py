@@ -14,20 +14,20 @@ from scipy.optimize import minimize
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy import record_search
-from bender_discrepancy.candidates import candidate_forms
 from bender_discrepancy.conclusion.coarse_readings import NEARER, ROUNDED, step_in_motion_um, support
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.effects.form import Free, simple
-from bender_discrepancy.fitting.fit_problem import Calibration, line_through_steps, problem_of, straight_line
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import Fitted, training_residual
-from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.record_search import search_records
-from bender_discrepancy.records.digits import DIGITS, jitter_um, printed
-from bender_discrepancy.records.noise import least_noise_um
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.result import Interrupted, SearchResult
 from bender_discrepancy.workflow import diagnose
+from bender_effects.form import Free, simple
+from bender_inference.candidates import candidate_forms
+from bender_inference.fitting.fit_problem import Calibration, line_through_steps, problem_of, straight_line
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import Fitted, training_residual
+from bender_inference.fitting.scans.chosen import scan_any
+from bender_inference.records.digits import DIGITS, jitter_um, printed
+from bender_inference.records.noise import least_noise_um
+from bender_inference.records.observations import observe
+from bender_inference.search.result import Interrupted, SearchResult
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 from bender_plant.plant import Plant

@@ -13,7 +13,6 @@ from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
 from bender_discrepancy.conclusion.findings import RecalibratedNumber
-from bender_discrepancy.fitting.journal import UNFINISHED, current_journal
 from bender_discrepancy.foreign import outputs, outputs_report
 from bender_discrepancy.foreign.joint_explanations import (
     NOTHING,
@@ -24,7 +23,8 @@ from bender_discrepancy.foreign.joint_explanations import (
 )
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs_report import factors, joint_numbers, sentence, summary, titles
-from bender_discrepancy.search.result import Interrupted
+from bender_inference.fitting.journal import UNFINISHED, current_journal
+from bender_inference.search.result import Interrupted
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record

@@ -14,8 +14,8 @@ from bender_discrepancy.foreign.container_stages import Original, Stages, scaled
 from bender_discrepancy.foreign.shared_parameters import Bench, fitted_to_all
 from bender_discrepancy.foreign.surrogate import fit_surrogate
 from bender_discrepancy.foreign.suspects import suspects_of
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.settings import Settings
+from bender_inference.records.observations import observe
+from bender_inference.settings import Settings
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.record import Record, read_record

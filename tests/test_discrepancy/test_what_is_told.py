@@ -11,10 +11,10 @@ from reported_diagnosis import hypothesis, record_of, told
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.localise import residual_ranges
 from bender_discrepancy.conclusion.notes import warnings
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.experiment.design import Experiment
-from bender_discrepancy.records.observations import observe
 from bender_discrepancy.report.visible_section import never_visible, visible_rows
+from bender_effects.catalogue import EFFECTS
+from bender_inference.experiment.design import Experiment
+from bender_inference.records.observations import observe
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 from bender_report.wording import chance, percent, plain, shown_in, unit_text, with_units_kept

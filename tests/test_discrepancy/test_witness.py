@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reported_diagnosis import FRAME_S, record_of
 
-from bender_discrepancy.effects.catalogue import forms
-from bender_discrepancy.effects.effect import Sizes
-from bender_discrepancy.records.checks import read_model
-from bender_discrepancy.witnesses.ammeter import slew_range_V_per_s
-from bender_discrepancy.witnesses.missing_columns import missing_columns
-from bender_discrepancy.witnesses.read_back import read_back as counted_rows
-from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_discrepancy.workflow import diagnose
+from bender_effects.catalogue import forms
+from bender_effects.effect import Sizes
+from bender_inference.records.checks import read_model
+from bender_inference.witnesses.ammeter import slew_range_V_per_s
+from bender_inference.witnesses.missing_columns import missing_columns
+from bender_inference.witnesses.read_back import read_back as counted_rows
+from bender_inference.witnesses.testimony import Witnesses, judge_channels
 from bender_loop.records.record import Record
 from bender_proving.cases.witnessed import SITUATIONS, witnessed_case
 

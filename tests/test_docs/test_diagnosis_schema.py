@@ -18,11 +18,11 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.conclusion.partial import partial_outcome
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.search.judgement.verdict import Word
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.witnesses.missing_columns import TEMPERATURE
-from bender_discrepancy.witnesses.read_back import ELECTRODES, SUPPLY
+from bender_effects.catalogue import EFFECTS
+from bender_inference.search.judgement.verdict import Word
+from bender_inference.search.result import SearchResult
+from bender_inference.witnesses.missing_columns import TEMPERATURE
+from bender_inference.witnesses.read_back import ELECTRODES, SUPPLY
 from bender_plant.model import load_model
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"

@@ -12,9 +12,9 @@ import pytest
 
 from bender_cli.main import main
 from bender_emulator.sources import daq_stand_in
-from bender_hil.calibration.scale import Calibration
 from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
 from bender_hil.sources.amplifier import Amplifier
+from bender_vision.scale import Calibration
 
 pytest.importorskip("pyvisa_py", reason="needs the extra bench")
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from bender_cli.main import main
 from bender_hil.bench_file import emulated_bench, read_bench
-from bender_hil.calibration import Calibration
 from bender_hil.calibration.fit import RulerFit, fit_ruler
 from bender_hil.calibration.fringes import find_fringes
 from bender_hil.calibration.pictures import read_picture
@@ -22,6 +21,7 @@ from bender_hil.sensors.sensor_eyes import NoSensorError
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 from bender_loop.errors import InputError, RunError
+from bender_vision.scale import Calibration
 
 GENERATOR = (
     '[source]\nkind = "generator"\nresource = "ASRL1::INSTR"\nmodel = "SDG"\n'

@@ -10,14 +10,14 @@ from present import present
 
 from bender_emulator.microscope.scene import Scene
 from bender_emulator.microscope.settings import SceneSettings
-from bender_hil.calibration import Calibration
 from bender_hil.runner.picture_checks import FROZEN_READING, AnswerCheck, FrozenCheck
 from bender_hil.runner.program import Decision
 from bender_hil.runner.tip_camera import Sight
-from bender_hil.vision.settings import TrackerSettings
-from bender_hil.vision.stillness import Image, Stillness, equal_shares
-from bender_hil.vision.tracker import Tracker
 from bender_loop.shell.opencv import import_cv2
+from bender_vision.scale import Calibration
+from bender_vision.settings import TrackerSettings
+from bender_vision.stillness import Image, Stillness, equal_shares
+from bender_vision.tracker import Tracker
 
 pytest.importorskip("cv2")
 

@@ -18,7 +18,6 @@ from bender_cli.main import main
 from bender_emulator.microscope.settings import SceneSettings
 from bender_emulator.terminals import TerminalSettings
 from bender_hil.bench_file import BenchFile, CameraTable, ControllerTable, emulated_bench, read_bench
-from bender_hil.calibration import Calibration
 from bender_hil.camera.settings import CameraSettings
 from bender_hil.command import OWN_GAINS, make_program
 from bender_hil.emulated import EmulationSettings
@@ -26,9 +25,10 @@ from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.replay import replay_run
 from bender_hil.log.results import recover
 from bender_hil.supply.select import SupplySettings
-from bender_hil.vision.settings import TrackerSettings
 from bender_loop.errors import InputError
 from bender_tuner.results.gains_file import read_gains
+from bender_vision.scale import Calibration
+from bender_vision.settings import TrackerSettings
 
 LONGEST_S = 2.0
 VALUES = [

@@ -12,13 +12,13 @@ import pytest
 
 from bender_emulator.microscope.scene import Scene
 from bender_emulator.microscope.settings import SceneSettings
-from bender_hil.calibration import Calibration
 from bender_hil.camera.reader import Camera
 from bender_hil.runner.tip_camera import CameraEyes
-from bender_hil.vision.settings import TrackerSettings
-from bender_hil.vision.stillness import Stillness
-from bender_hil.vision.tracker import Tracker
 from bender_loop.shell.opencv import import_cv2
+from bender_vision.scale import Calibration
+from bender_vision.settings import TrackerSettings
+from bender_vision.stillness import Stillness
+from bender_vision.tracker import Tracker
 
 pytest.importorskip("cv2")
 pytestmark = pytest.mark.slow

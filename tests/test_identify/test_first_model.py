@@ -15,8 +15,6 @@ from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, lsim
 
 from bender_cli.main import main
-from bender_discrepancy.settings import Settings as DiagnoseSettings
-from bender_discrepancy.structures import competing_structures
 from bender_identify.first_model.choice import MOST_IN_VAIN, Losses, Scored, first_model, is_better, select
 from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.excerpt import MOST_ROWS, excerpts
@@ -35,6 +33,8 @@ from bender_identify.first_model.report import (
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
+from bender_inference.settings import Settings as DiagnoseSettings
+from bender_inference.structures import competing_structures
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import ModelError, load_model
 

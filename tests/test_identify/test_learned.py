@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 
 import piezo_bender as pb
 from bender_cli.main import main
-from bender_discrepancy.settings import Settings
-from bender_discrepancy.structures import competing_structures
 from bender_identify.first_model import learned
 from bender_identify.first_model.choice import first_model
 from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.structures import Structure
+from bender_inference.settings import Settings
+from bender_inference.structures import competing_structures
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import ModelError
 

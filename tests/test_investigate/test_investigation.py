@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bender_discrepancy.records.checks import read_model
 from bender_hil.command import OWN_GAINS
 from bender_hil.runner.voltages import Voltages
+from bender_inference.records.checks import read_model
 from bender_investigate.bench_port import Played
 from bender_investigate.excitation import another_excitation
 from bender_investigate.investigation import LEFT_SHARE, Investigation, why_not_tuned

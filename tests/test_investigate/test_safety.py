@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bender_discrepancy.records.checks import read_model
 from bender_hil.runner.voltages import Voltages
+from bender_inference.records.checks import read_model
 from bender_investigate import excitation
 from bender_investigate.safety import Allowed, of_rows, refusal, rows_of
 

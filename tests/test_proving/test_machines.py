@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_effects.catalogue import EFFECTS
 from bender_proving.machines import MACHINES, draw
 
 KINDS = range(len(MACHINES))

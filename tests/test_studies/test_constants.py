@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from reported_diagnosis import record_of
 
-from bender_discrepancy.search.judgement.rules import RULES
+from bender_inference.search.judgement.rules import RULES
 from bender_loop.records.record import write_record
 from bender_proving import cases
 from bender_studies.hidden_effects import constants
@@ -18,9 +18,9 @@ from bender_studies.hidden_effects.constants import Changed, Said, changes, comp
 CHECK = """
 from bender_studies.hidden_effects.constants import Changed, _change
 _change(Changed("closes", 0.88))
-from bender_discrepancy import input_hold
+from bender_inference import input_hold
 from bender_discrepancy.conclusion import coarse_readings, sentences
-from bender_discrepancy.search import result
+from bender_inference.search import result
 assert {x.RULES.closes for x in (input_hold, coarse_readings, sentences)} == {0.88}
 assert result.Rules(confidence=0.9).closes == 0.88
 """

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bender_discrepancy.effects.catalogue import Effect
+    from bender_effects.catalogue import Effect
     from piezo_bender import Catalogue
 
 HELP = "list the effects that a model may lack, or explain one of them"
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _begin(arguments: argparse.Namespace) -> int:
     """Write the skeleton of a new effect into the checkout."""
-    from bender_discrepancy.effects.checkout import begun
+    from bender_effects.checkout import begun
     from bender_loop.errors import InputError
 
     if arguments.new_id is None or arguments.stage is None or arguments.json or arguments.out is not None:
@@ -84,7 +84,7 @@ def _begin(arguments: argparse.Namespace) -> int:
 
 def _write_docs(arguments: argparse.Namespace) -> int:
     """Write the generated parts of the documentation into the checkout."""
-    from bender_discrepancy.effects.checkout import documented
+    from bender_effects.checkout import documented
     from bender_loop.errors import InputError
 
     if any(x is not None for x in (arguments.effect, arguments.stage, arguments.out)) or arguments.json:

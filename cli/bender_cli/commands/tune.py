@@ -35,8 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _fit_to_device(arguments: argparse.Namespace) -> None:
     """Take the range of commands of a model of another device, and say what is taken for it that nobody gave."""
-    from bender_discrepancy.effects.rigs import is_piezo_bender, learned_commands
-    from bender_discrepancy.records.checks import read_model
+    from bender_effects.rigs import is_piezo_bender, learned_commands
+    from bender_inference.records.checks import read_model
     from bender_loop.shell.run import remark_held
     from bender_tuner.command import DEFAULT_LIMITS_V
 

@@ -18,15 +18,15 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
 
-from bender_discrepancy.effects.catalogue import READ_OFF
-from bender_discrepancy.fitting.blocked import ERRORS
-from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.digits import coherence, lattice_step_um
-from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.records.roles import BLOCKS, blocks_of
-from bender_discrepancy.search.judgement.rules import RULES
-from bender_discrepancy.search.result import SearchResult
+from bender_effects.catalogue import READ_OFF
+from bender_inference.fitting.blocked import ERRORS
+from bender_inference.fitting.criterion import very_strong
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.records.digits import coherence, lattice_step_um
+from bender_inference.records.observations import Array, Mask
+from bender_inference.records.roles import BLOCKS, blocks_of
+from bender_inference.search.judgement.rules import RULES
+from bender_inference.search.result import SearchResult
 
 # a reading that is misread lies anywhere
 LEAST_LIKELY = 1e-6

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from bender_discrepancy.conclusion.shares import closed_by, held_square_um2, shares_of_gap
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.search.judgement.grades import Grade, Graded, Rival
-from bender_discrepancy.search.judgement.probability import Case
-from bender_discrepancy.search.result import SearchResult
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.search.judgement.grades import Grade, Graded, Rival
+from bender_inference.search.judgement.probability import Case
+from bender_inference.search.result import SearchResult
 
 # open rivals that are reported as effects, and rivals that are listed beside each effect
 MOST_REPORTED, MOST_LISTED = 4, 6

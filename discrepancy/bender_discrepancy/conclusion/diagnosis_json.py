@@ -22,14 +22,14 @@ from bender_discrepancy.conclusion.notes import (
 )
 from bender_discrepancy.conclusion.sentences import evidence, heading_of, headline, reason
 from bender_discrepancy.conclusion.shares import EQUATION, OWN_NUMBERS, held_square_um2
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.equation.lead import Lead
-from bender_discrepancy.experiment.proposal import Proposal
-from bender_discrepancy.records.record_names import distinct_names
-from bender_discrepancy.search.judgement.probability import Case
-from bender_discrepancy.search.noise import as_read, floor_square_um2
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.witnesses.missing_columns import MissingColumn
+from bender_effects.catalogue import EFFECTS
+from bender_inference.equation.lead import Lead
+from bender_inference.experiment.proposal import Proposal
+from bender_inference.records.record_names import distinct_names
+from bender_inference.search.judgement.probability import Case
+from bender_inference.search.noise import as_read, floor_square_um2
+from bender_inference.search.result import SearchResult
+from bender_inference.witnesses.missing_columns import MissingColumn
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.blocks import residual_equation
 from bender_report.number import Number

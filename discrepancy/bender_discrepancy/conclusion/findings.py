@@ -13,19 +13,19 @@ from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.measurement.reading_units import gain_of_the_device, in_reading_units
 from bender_discrepancy.conclusion.numbers import MovedGain, Span, form_of, number, numbers
 from bender_discrepancy.conclusion.shares import shares_of_gap, split
-from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
-from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import own_numbers
-from bender_discrepancy.fitting.profile import Ends, interval_ends, may_vanish
-from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
-from bender_discrepancy.records.first_look import ANOTHER_DEVICE
-from bender_discrepancy.records.observations import have_same_zero
-from bender_discrepancy.search.judgement.grades import Doubt, Grade
-from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.set_aside import with_late_stamps
+from bender_effects.catalogue import EFFECTS, READ_OFF
+from bender_effects.rigs import is_piezo_bender
+from bender_inference.fitting.fit_problem import Calibration, FitProblem
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.fitting.own_numbers import own_numbers
+from bender_inference.fitting.profile import Ends, interval_ends, may_vanish
+from bender_inference.fitting.uncertainty import Uncertainty, uncertainty
+from bender_inference.records.first_look import ANOTHER_DEVICE
+from bender_inference.records.observations import have_same_zero
+from bender_inference.search.judgement.grades import Doubt, Grade
+from bender_inference.search.judgement.verdict import Verdict, calibration_matters
+from bender_inference.search.result import SearchResult
+from bender_inference.search.set_aside import with_late_stamps
 from bender_plant.model import Model, ModelError
 from bender_plant.valid_range import ValidRange
 from bender_report.number import Number

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.records.noise import interpolated
-from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_inference.records.noise import interpolated
+from bender_inference.records.observations import Array, Mask, Observations
 from bender_loop.records.acting_voltage import direction
 
 BINS = 12

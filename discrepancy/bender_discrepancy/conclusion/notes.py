@@ -9,13 +9,13 @@ from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import residual, share_of_stroke, title_of
-from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
-from bender_discrepancy.fitting.own_numbers import DELAY, first_mode_Hz
-from bender_discrepancy.records.excitation import changes_V, describe
-from bender_discrepancy.records.spectrum import are_even
-from bender_discrepancy.search.judgement.rules import RULES
-from bender_discrepancy.search.moves import aliases_Hz
-from bender_discrepancy.search.result import SearchResult
+from bender_effects.catalogue import EFFECTS, READ_OFF
+from bender_inference.fitting.own_numbers import DELAY, first_mode_Hz
+from bender_inference.records.excitation import changes_V, describe
+from bender_inference.records.spectrum import are_even
+from bender_inference.search.judgement.rules import RULES
+from bender_inference.search.moves import aliases_Hz
+from bender_inference.search.result import SearchResult
 from bender_loop.records.end_of_range import ends_of_range
 from bender_loop.records.record import Record
 from bender_report.number import Number

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bender_discrepancy.conclusion.measurement.reading_units import length_power
-from bender_discrepancy.effects.catalogue import EFFECTS, Effect
-from bender_discrepancy.fitting.hypothesis import Part
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.profile import Ends
-from bender_discrepancy.fitting.uncertainty import moved
-from bender_discrepancy.records.observations import Array
+from bender_effects.catalogue import EFFECTS, Effect
+from bender_inference.fitting.hypothesis import Part
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.fitting.profile import Ends
+from bender_inference.fitting.uncertainty import moved
+from bender_inference.records.observations import Array
 from bender_plant.model import Model, ModelError
 from bender_plant.parameter import meanings
 from bender_report.number import Number

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber
 from bender_discrepancy.conclusion.sentences import title_of
-from bender_discrepancy.records.record_names import distinct_names
+from bender_inference.records.record_names import distinct_names
 from bender_plant.origin import Origin
 from bender_report.number import Number
 from bender_report.wording import HALF_WIDTH, relabelled, shown_in, unit_text

@@ -13,10 +13,10 @@ from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected, gap
 from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, chance_um2, closed_part
 from bender_discrepancy.conclusion.sentences import title_of
-from bender_discrepancy.fitting.criterion import cost
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.search.noise import residual_square_um2
-from bender_discrepancy.search.result import SearchResult
+from bender_inference.fitting.criterion import cost
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.search.noise import residual_square_um2
+from bender_inference.search.result import SearchResult
 from bender_report.wording import listed
 
 REASON = "the search was interrupted; effects that it had not tried yet may replace this one or be missing beside it"

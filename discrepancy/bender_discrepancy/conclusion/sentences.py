@@ -9,11 +9,11 @@ from bender_discrepancy.conclusion.coarse_readings import Lattice
 from bender_discrepancy.conclusion.contenders import Contender
 from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.search.judgement.grades import Reach, Rival
-from bender_discrepancy.search.judgement.rules import RULES
-from bender_discrepancy.settings import Settings
+from bender_effects.catalogue import EFFECTS
+from bender_inference.fitting.criterion import very_strong
+from bender_inference.search.judgement.grades import Reach, Rival
+from bender_inference.search.judgement.rules import RULES
+from bender_inference.settings import Settings
 from bender_report.wording import chance, figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
 OF_THE_RECORD = " with what belongs to the record"

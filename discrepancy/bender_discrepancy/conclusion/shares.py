@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from itertools import combinations
 from math import factorial
 
-from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.search.archive import Archive, left_square
-from bender_discrepancy.search.noise import floor_square_um2, square_on
+from bender_inference.fitting.fit_problem import FitProblem
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.search.archive import Archive, left_square
+from bender_inference.search.noise import floor_square_um2, square_on
 
 OWN_NUMBERS, EQUATION = "own numbers", "equation"
 """What has a share beside the effects."""

@@ -17,17 +17,17 @@ import numpy as np
 
 from bender_compiled.parallel_map import parallel_map
 from bender_discrepancy.conclusion.numbers import block_numbers
-from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
-from bender_discrepancy.effects.effect import CALIBRATION
-from bender_discrepancy.effects.form import Form, Free, Values
-from bender_discrepancy.fitting.criterion import innovations_square, price
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.own_numbers import own_form, own_numbers
-from bender_discrepancy.fitting.uncertainty import columns
-from bender_discrepancy.records.observations import Array
-from bender_discrepancy.search.judgement.rules import above_floor_um2
-from bender_discrepancy.search.noise import floor_limit, floor_square_um2
-from bender_discrepancy.search.result import SearchResult
+from bender_effects.catalogue import EFFECTS, READ_OFF
+from bender_effects.effect import CALIBRATION
+from bender_effects.form import Form, Free, Values
+from bender_inference.fitting.criterion import innovations_square, price
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.own_numbers import own_form, own_numbers
+from bender_inference.fitting.uncertainty import columns
+from bender_inference.records.observations import Array
+from bender_inference.search.judgement.rules import above_floor_um2
+from bender_inference.search.noise import floor_limit, floor_square_um2
+from bender_inference.search.result import SearchResult
 
 TURNS, NEAR = 8, 0.5
 """Of the search for a size: where the logarithm of the energy is so near to what is asked for, one step leads there."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.foreign.container_stages import Original, Stages, quickest_s, scaled, without_delay
-from bender_discrepancy.records.observations import Observations
+from bender_inference.records.observations import Observations
 from bender_loop.control.plant import Plant, Readable, Timed
 from bender_loop.errors import RunError
 from bender_loop.fmu.elsewhere import at_the_plant

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.foreign.suspects import Suspect, suspects_of
-from bender_discrepancy.records.noise import noise_floor_um
-from bender_discrepancy.records.observations import Observations, observe
 from bender_identify.fitting.correlation import correlation_rows
+from bender_inference.records.noise import noise_floor_um
+from bender_inference.records.observations import Observations, observe
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.drive import InputHold

@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
 from bender_discrepancy.foreign.answers import Answers, short_step_s
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
 from bender_discrepancy.foreign.container_stages import Original, Stages, stages_around
 from bender_discrepancy.foreign.corrected_fmu import why_none
 from bender_discrepancy.foreign.suspects import Suspect
-from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.records.stand_in import Suspected
-from bender_discrepancy.search.search import Progress
-from bender_discrepancy.settings import Settings
+from bender_inference.fitting.criterion import independent_rows, price, very_strong, yardstick
+from bender_inference.records.observations import Observations, observe
+from bender_inference.records.stand_in import Suspected
+from bender_inference.search.search import Progress
+from bender_inference.settings import Settings
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay

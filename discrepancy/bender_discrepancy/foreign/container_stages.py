@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bender_discrepancy.conclusion.sentences import heading_of
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_effects.catalogue import EFFECTS
 from bender_loop.fmu.file import co_simulation, read_description
 from bender_loop.fmu.ports import Port
 from bender_loop.tables.quantities import USUAL, Quantities

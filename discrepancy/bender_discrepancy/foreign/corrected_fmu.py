@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.foreign.container_stages import Original, Stages, inner_step_s, stages_around, without_delay
-from bender_discrepancy.records.observations import Observations
-from bender_discrepancy.search.result import SearchResult
 from bender_export.system import parameter_file
+from bender_inference.records.observations import Observations
+from bender_inference.search.result import SearchResult
 from bender_loop.errors import RunError
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.between_rows import is_even

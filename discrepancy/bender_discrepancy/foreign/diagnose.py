@@ -15,12 +15,12 @@ from bender_discrepancy.foreign.corrected_fmu import Container, why_none
 from bender_discrepancy.foreign.space_mapping import SpaceMapping, size_um
 from bender_discrepancy.foreign.surrogate import FOLLOWS_WITHIN, fit_surrogate
 from bender_discrepancy.foreign.suspects import suspects_of
-from bender_discrepancy.records.digits import printed
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import Progress
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import BlackBox, diagnose
 from bender_identify.records.memory import memory_s
+from bender_inference.records.digits import printed
+from bender_inference.search.result import SearchResult
+from bender_inference.search.search import Progress
+from bender_inference.settings import Settings
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.common_units import in_units_of
 from bender_loop.records.missing_rows import completed, without_remembered

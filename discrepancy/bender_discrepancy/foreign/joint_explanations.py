@@ -19,9 +19,9 @@ import numpy as np
 
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import price, very_strong
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.foreign.container_stages import Original, stages_around
+from bender_inference.fitting.criterion import price, very_strong
+from bender_inference.fitting.hypothesis import Hypothesis, Part
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
 

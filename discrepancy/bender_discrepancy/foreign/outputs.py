@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import price, very_strong
-from bender_discrepancy.fitting.fit_problem import Calibration, calibrated
 from bender_discrepancy.foreign.answers import AS_IT_IS, STEPS_PER_ROW, Answers, opened
 from bender_discrepancy.foreign.container_stages import (
     Original,
@@ -38,10 +36,12 @@ from bender_discrepancy.foreign.joint_explanations import (
 )
 from bender_discrepancy.foreign.shared_parameters import Bench, diagnose_beside
 from bender_discrepancy.foreign.suspects import suspects_of
-from bender_discrepancy.records.observations import Observations
-from bender_discrepancy.search.search import Progress
-from bender_discrepancy.settings import Settings
 from bender_export.system import parameter_file
+from bender_inference.fitting.criterion import price, very_strong
+from bender_inference.fitting.fit_problem import Calibration, calibrated
+from bender_inference.records.observations import Observations
+from bender_inference.search.search import Progress
+from bender_inference.settings import Settings
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.raster import drive_raster, raster_step_s

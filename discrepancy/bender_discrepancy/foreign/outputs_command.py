@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_discrepancy.foreign.outputs import Together
-    from bender_discrepancy.settings import Settings
+    from bender_inference.settings import Settings
     from bender_loop.errors import RunError
     from bender_loop.records.record import Record
 
@@ -37,8 +37,8 @@ def diagnosed_outputs(
         RunError: the FMU failed; the outputs that are complete are written.
         KeyboardInterrupt: before an output was complete.
     """
-    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.output_folder import all_or_no_files
+    from bender_inference.fitting.journal import UNFINISHED
     from bender_loop.errors import RunError
     from bender_loop.shell.run import going_on
 
@@ -85,7 +85,7 @@ class _Kept:
 
     def unfinished(self) -> None:
         """Write what was fitted so far, for `--resume`."""
-        from bender_discrepancy.fitting.journal import UNFINISHED, current_journal
+        from bender_inference.fitting.journal import UNFINISHED, current_journal
         from bender_loop.shell.files import write_atomically
 
         journal = current_journal()

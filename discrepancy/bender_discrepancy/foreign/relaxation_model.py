@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.fitting.own_numbers import own_form
-from bender_discrepancy.records.observations import observe
+from bender_inference.fitting.own_numbers import own_form
+from bender_inference.records.observations import observe
 from bender_loop.records.drive import InputHold
 from bender_loop.records.record import Record
 from bender_plant.blocks import bending_modes, calibration, learned_hysteresis, plant_lag, second_mode, transport_delay

@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import independent_rows, very_strong, yardstick
-from bender_discrepancy.fitting.fit_problem import calibrated
 from bender_discrepancy.foreign.answers import Answers, opened, short_step_s
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
 from bender_discrepancy.foreign.competition import Account, is_among, is_complete, with_suspected
 from bender_discrepancy.foreign.container_stages import Original, Stages, stages_around
 from bender_discrepancy.foreign.suspects import Suspect
-from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.records.stand_in import Suspected
-from bender_discrepancy.search.search import Progress
-from bender_discrepancy.settings import Settings
+from bender_inference.fitting.criterion import independent_rows, very_strong, yardstick
+from bender_inference.fitting.fit_problem import calibrated
+from bender_inference.records.observations import Observations, observe
+from bender_inference.records.stand_in import Suspected
+from bender_inference.search.search import Progress
+from bender_inference.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 

@@ -19,17 +19,17 @@ from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.findings import Findings
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.conclusion.measurement.gap import Measured, compared, recalibrated_readings
-from bender_discrepancy.effects.form import Values
-from bender_discrepancy.fitting.criterion import cost
-from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.foreign.container_stages import Original, stages_around
 from bender_discrepancy.foreign.corrected_fmu import Container, Containers, build_corrected_fmu, driven_container
-from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import Searched
+from bender_effects.form import Values
+from bender_inference.fitting.criterion import cost
+from bender_inference.fitting.fit_problem import Calibration, FitProblem
+from bender_inference.fitting.hypothesis import Hypothesis
+from bender_inference.fitting.output_error import Fitted, fit, judge
+from bender_inference.search.archive import Archive
+from bender_inference.search.budget import BUDGET
+from bender_inference.search.result import SearchResult
+from bender_inference.search.search import Searched
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.foreign.relaxation_model import fit_relaxation
 from bender_discrepancy.foreign.slow_copy import with_slow_copy
-from bender_discrepancy.records.observations import observe
-from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_identify.first_model.choice import first_model, select, structures_scored
 from bender_identify.first_model.fit import CANNOT_BE, FirstFit, FitTask, fitted
 from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import Settings
+from bender_inference.records.observations import observe
+from bender_inference.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_loop.control.plant import Plant as RunningPlant
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.drive import InputHold, drive_record

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bender_discrepancy.conclusion.sentences import heading_of
-from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.overlay_pictures import is_smooth
 from bender_discrepancy.report.pictured_record import STRETCH_ROWS, Array, PicturedRecord
+from bender_effects.catalogue import EFFECTS
 from bender_report.chart import WIDE_PX, Chart, bulk_limits, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text

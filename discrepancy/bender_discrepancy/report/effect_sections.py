@@ -5,12 +5,12 @@ from typing import Any
 
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.sentences import heading_of, title_of
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.device_words import for_device
 from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
+from bender_effects.catalogue import EFFECTS
+from bender_effects.rigs import is_piezo_bender
 from bender_export.build import checkout_folder
+from bender_inference.fitting.criterion import very_strong
 from bender_report.number import Number
 from bender_report.wording import chance, fields, figure, quantity, with_interval, with_units_kept
 

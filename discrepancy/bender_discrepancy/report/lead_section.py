@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bender_discrepancy.equation.lead import Drawn, Lead
 from bender_discrepancy.report.device_words import for_device
 from bender_discrepancy.report.pictured_record import PicturedRecord
+from bender_inference.equation.lead import Drawn, Lead
 from bender_report.chart import WIDE_PX, Chart, bulk_limits, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text, figure, input_word, is_other_rig, percent, relabelled

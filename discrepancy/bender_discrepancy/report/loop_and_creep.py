@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.loop_figures import FreeStretch, Loop, loop_of
+from bender_effects.catalogue import EFFECTS
 from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, with_interval

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.records.observations import Array
+from bender_effects.catalogue import EFFECTS
+from bender_inference.records.observations import Array
 from bender_plant.blocks import BLOCKS, Block, calibration, linear_transduction
 from bender_plant.model import Model
 

@@ -21,16 +21,16 @@ from bender_discrepancy.conclusion.sentences import (
     title_of,
 )
 from bender_discrepancy.conclusion.shares import EQUATION, OWN_NUMBERS
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.equation.lead import Lead
-from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report import lead_section, overlay_pictures
 from bender_discrepancy.report.chart_process import ChartProcess, charts_of
 from bender_discrepancy.report.effect_pictures import component_charts
 from bender_discrepancy.report.effect_sections import effect_sections, how_sure
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_discrepancy.report.visible_section import never_visible, visible_rows
-from bender_discrepancy.structures import AUTO
+from bender_effects.catalogue import EFFECTS
+from bender_inference.equation.lead import Lead
+from bender_inference.fitting.criterion import very_strong
+from bender_inference.structures import AUTO
 from bender_plant.model import Model
 from bender_report.page import render_template
 from bender_report.wording import (

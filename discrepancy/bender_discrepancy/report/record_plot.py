@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.report.pictured_record import pictured_record
+from bender_inference.records.record_names import distinct_names
 from bender_report.drawing import require_drawing
 from bender_report.palette import light
 from bender_report.wording import axis_text

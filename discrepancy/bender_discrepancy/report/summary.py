@@ -10,9 +10,9 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import OF_THE_RECORD, range_sentence, share_words
 from bender_discrepancy.conclusion.shares import OWN_NUMBERS
-from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
+from bender_inference.fitting.criterion import very_strong
 from bender_report.wording import (
     HALF_WIDTH,
     IN_WORDS,

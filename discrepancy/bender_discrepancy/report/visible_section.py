@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bender_discrepancy.conclusion.sentences import heading_of, title_of
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_effects.catalogue import EFFECTS
 from bender_report.wording import figure, quantity
 
 OR_LESS = {"above": "", "below": " or less"}

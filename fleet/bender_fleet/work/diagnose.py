@@ -12,7 +12,7 @@ from bender_plant.model import Model
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
-    from bender_discrepancy.settings import Settings
+    from bender_inference.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)

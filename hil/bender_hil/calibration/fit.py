@@ -10,8 +10,8 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from bender_hil.calibration.fringes import Fringes
 from bender_hil.calibration.growth import growth_fit
-from bender_hil.calibration.scale import Calibration
 from bender_loop.errors import InputError
+from bender_vision.scale import Calibration
 
 Values = NDArray[np.float64]
 

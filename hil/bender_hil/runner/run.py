@@ -354,8 +354,8 @@ def _open_eyes(
             '--buffered: a camera does not record by the clock of the source; use a sensor of kind = "daq"'
         )
     from bender_hil.camera.reader import Camera
-    from bender_hil.vision.stillness import Stillness
-    from bender_hil.vision.tracker import Tracker
+    from bender_vision.stillness import Stillness
+    from bender_vision.tracker import Tracker
 
     place = emulated.stream if emulated is not None else bench.camera.source
     if place is None:

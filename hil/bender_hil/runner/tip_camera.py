@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_hil.camera.reader import Camera
-from bender_hil.vision.stillness import Stillness
-from bender_hil.vision.tracker import Tracker
 from bender_loop.errors import RunError
+from bender_vision.stillness import Stillness
+from bender_vision.tracker import Tracker
 
 _FIRST_FRAME_S = 10.0
 

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from bender_hil.bench_file import CameraTable
-from bender_hil.calibration.scale import Calibration
 from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.kinds import kind_of
+from bender_vision.scale import Calibration
 
 HARMLESS_V = 1.0
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_emulator.microscope.control import clear_faults, set_fault
-from bender_hil.calibration import Calibration
 from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.log.journal import read_journal
 from bender_loop.errors import RunError
+from bender_vision.scale import Calibration
 
 # only POSIX can freeze a process from outside
 REACTIONS = ("kill -9", "frozen", "camera stall") if hasattr(signal, "SIGSTOP") else ("kill -9", "camera stall")

@@ -125,7 +125,7 @@ def hidden_benches(wanted: Sequence[str], first_seed: int) -> "Iterator[Case]":
     """Every effect by itself on the camera, a pair of them of two stages behind each, seed after seed."""
     from itertools import combinations, count
 
-    from bender_discrepancy.effects.catalogue import EFFECTS as CATALOGUE
+    from bender_effects.catalogue import EFFECTS as CATALOGUE
     from bender_loop.errors import InputError
     from bender_proving import INSIDE, DrawError, make_case
 

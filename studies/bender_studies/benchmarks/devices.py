@@ -226,8 +226,8 @@ def outcome_of(device: Device, data: Path, out: Path) -> Outcome:
     """Return what comes of one device: the diagnosis of its record without a model, and its second record."""
     import time
 
-    from bender_discrepancy.settings import Settings
     from bender_discrepancy.workflow import diagnose
+    from bender_inference.settings import Settings
     from bender_loop.shell.files import prepare_directory
 
     settings = Settings(untimed=device.untimed) if device.untimed else Settings().between_rows("auto")

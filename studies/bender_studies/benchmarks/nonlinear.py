@@ -204,12 +204,12 @@ def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outc
     """
     import time
 
-    from bender_discrepancy.fitting.own_numbers import own_numbers
-    from bender_discrepancy.settings import Settings
     from bender_discrepancy.workflow import diagnose
     from bender_identify.first_model.choice import first_model
     from bender_identify.records.experiment import experiment_of
     from bender_identify.settings import Settings as IdentifySettings
+    from bender_inference.fitting.own_numbers import own_numbers
+    from bender_inference.settings import Settings
     from bender_loop.shell.files import prepare_directory
 
     place = None if out is None else prepare_directory(out / benchmark.name.replace(" ", "-"))
@@ -267,8 +267,8 @@ def _judged(model: "Model", part: Part, benchmark: Benchmark, data: Path) -> flo
     import numpy as np
 
     from bender_compiled.simulation import Simulator
-    from bender_discrepancy.records.initial_motion import started
-    from bender_discrepancy.records.observations import observe
+    from bender_inference.records.initial_motion import started
+    from bender_inference.records.observations import observe
 
     record = record_of(part.run, data)
     seen = started(model, record, observe(record, benchmark.hold != "hold", smooth=benchmark.hold == "smooth"))

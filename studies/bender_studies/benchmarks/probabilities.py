@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: no result is found, or one is none.
     """
-    from bender_discrepancy.search.judgement.probability import WEIGHTS
+    from bender_inference.search.judgement.probability import WEIGHTS
     from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import print_table
@@ -87,7 +87,7 @@ def _cases(places: list[Path]) -> "list[tuple[str, int, list[JudgedEffect]]]":
 
 
 def _of_devices(content: Mapping[str, Any]) -> "Iterator[list[JudgedEffect]]":
-    from bender_discrepancy.search.judgement.probability import Case
+    from bender_inference.search.judgement.probability import Case
     from bender_studies.hidden_effects.probabilities import JudgedEffect
 
     for device in content["tried"]:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.records.initial_motion import started
-from bender_discrepancy.records.observations import observe
+from bender_inference.records.initial_motion import started
+from bender_inference.records.observations import observe
 from bender_loop.records.initial_motion import starts_at_rest
 
 if TYPE_CHECKING:

@@ -40,10 +40,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _accuracy(arguments: argparse.Namespace) -> dict[str, object]:
-    from bender_hil.vision.settings import EXTREME, LINE
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.vision.accuracy import measure_case
     from bender_studies.vision.cases import CASES
+    from bender_vision.settings import EXTREME, LINE
 
     found: dict[str, dict[str, Errors]] = {}
     with Progress("tip") as progress:

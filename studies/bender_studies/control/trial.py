@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bender_discrepancy.effects.catalogue import EFFECTS as CATALOGUE
+from bender_effects.catalogue import EFFECTS as CATALOGUE
 from bender_loop.control import model_following, pid
 from bender_loop.control.metrics import step_metrics
 from bender_loop.control.model_following import Memory, ModelFollower

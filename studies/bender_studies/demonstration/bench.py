@@ -108,9 +108,9 @@ def diagnose_run(record: Path, out: Path, given: str = NOMINAL) -> dict[str, Any
     """`bender diagnose RECORD --model bench`, or another model, into `out`; returns `diagnosis.json`."""
     from bender_discrepancy.command import diagnose_into
     from bender_discrepancy.output_folder import all_or_no_files
-    from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.report.chart_process import ChartProcess
-    from bender_discrepancy.settings import Settings
+    from bender_inference.records.checks import read_model, read_records
+    from bender_inference.settings import Settings
 
     with all_or_no_files(out) as stage, ChartProcess() as chart_process:
         chart_process.begin()

@@ -26,7 +26,7 @@ _ALONE = """
 import sys, tempfile, time
 from pathlib import Path
 from threadpoolctl import threadpool_limits
-from bender_discrepancy.records.checks import read_model
+from bender_inference.records.checks import read_model
 from bender_discrepancy.workflow import diagnose
 from bender_loop.records.record import read_record
 with threadpool_limits(1):

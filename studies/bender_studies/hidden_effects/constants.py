@@ -16,7 +16,7 @@ from bender_studies.hidden_effects.trial import MODEL
 from bender_studies.runner import silence, workers
 
 if TYPE_CHECKING:
-    from bender_discrepancy.fitting.journal import Journal
+    from bender_inference.fitting.journal import Journal
     from bender_proving import Case
 
 RECORD, JOURNAL = "record.csv", "journal.json"
@@ -64,7 +64,7 @@ class Compared:
 
 def changes(part: float, confidence: float) -> list[Changed]:
     """Return every constant at both values."""
-    from bender_discrepancy.search.judgement.rules import RULES
+    from bender_inference.search.judgement.rules import RULES
 
     usual = {x.name: float(getattr(RULES, x.name)) for x in fields(RULES)} | {CONFIDENCE: confidence}
     return [
@@ -76,7 +76,7 @@ def changes(part: float, confidence: float) -> list[Changed]:
 
 def compared(drawn: Iterable["Case"], folder: Path, jobs: int | None, part: float) -> Iterator[Compared]:
     """Yield every case with every constant changed by a part of it, one change after the other."""
-    from bender_discrepancy.fitting.criterion import CONFIDENCE as USUAL
+    from bender_inference.fitting.criterion import CONFIDENCE as USUAL
 
     truths = dict(_written(case, folder) for case in drawn)
     before = dict(_answers(tuple(truths), folder, jobs, Changed()))
@@ -117,7 +117,7 @@ def _change(changed: Changed) -> None:
     """Change a constant in a process in which nothing has read it yet."""
     from dataclasses import field, make_dataclass
 
-    from bender_discrepancy.search.judgement import rules
+    from bender_inference.search.judgement import rules
 
     silence()
     if changed.name:
@@ -129,11 +129,11 @@ def _change(changed: Changed) -> None:
 
 def _answer(folder: Path, changed: Changed) -> Said:
     from bender_discrepancy.conclusion.findings import find
-    from bender_discrepancy.fitting.journal import keeping
     from bender_discrepancy.record_search import search_records
-    from bender_discrepancy.records.checks import read_model, read_records
-    from bender_discrepancy.records.digits import printed
-    from bender_discrepancy.settings import Settings
+    from bender_inference.fitting.journal import keeping
+    from bender_inference.records.checks import read_model, read_records
+    from bender_inference.records.digits import printed
+    from bender_inference.settings import Settings
 
     records = [printed(x) for x in read_records((folder / RECORD,))]
     of_settings = changed.name in {x.name for x in fields(Settings)}
@@ -150,7 +150,7 @@ def _known(folder: Path) -> "Journal":
     """Return what earlier searches of the case have fitted, with the work that the first of them did."""
     import json
 
-    from bender_discrepancy.fitting.journal import Journal
+    from bender_inference.fitting.journal import Journal
 
     path = folder / JOURNAL
     if not path.exists():

@@ -223,7 +223,7 @@ def _stated_interval(number: int, seed: int, folder: Path) -> StatedInterval:
     """Record a bench and diagnose the file; the diagnosis is given nothing else."""
     import numpy as np
 
-    from bender_discrepancy.records.spectrum import are_even
+    from bender_inference.records.spectrum import are_even
     from bender_loop.records.record import read_record, write_record
     from bender_proving import Bench
     from bender_studies.hidden_effects.exposed_record import exposed_record
@@ -245,8 +245,8 @@ def _stated_interval(number: int, seed: int, folder: Path) -> StatedInterval:
 
 def diagnosed(path: Path, asked: Mapping[str, str]) -> Number:
     """Diagnose a record; `asked` says which number of which effect is wanted."""
-    from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.workflow import diagnose
+    from bender_inference.records.checks import read_model, read_records
     from bender_loop.errors import InputError, RunError
 
     try:

@@ -191,7 +191,7 @@ def _way(case: "Case") -> str:
 
 def _on_raster(plant: "FmuPlant", record: "Record") -> "np.ndarray":
     """Drive the corrected FMU as it says that it wants to be: in steps of its own default experiment."""
-    from bender_discrepancy.records.observations import observe
+    from bender_inference.records.observations import observe
     from bender_loop.fmu.file import read_description
     from bender_loop.records.raster import drive_raster
 

@@ -87,8 +87,8 @@ def answer(trial: Trial) -> Answer:
 
 
 def _answer(trial: Trial, begin: float) -> Answer:
-    from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.workflow import diagnose
+    from bender_inference.records.checks import read_model, read_records
 
     trial.directory.mkdir(parents=True, exist_ok=True)
     records = read_records(trial.records)
@@ -118,7 +118,7 @@ def _answer(trial: Trial, begin: float) -> Answer:
 
 def _profile(diagnosis: "Diagnosis", folder: Path) -> Path | None:
     """Return the file of the next experiment: here one is played too that promises little."""
-    from bender_discrepancy.experiment.proposal import PROFILE
+    from bender_inference.experiment.proposal import PROFILE
 
     if diagnosis.next_experiment is None:
         return None
@@ -140,7 +140,7 @@ def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
     from bender_compiled.simulation import Simulator
     from bender_discrepancy.conclusion.measurement.corrected_model import driven
     from bender_discrepancy.conclusion.measurement.playable import playable
-    from bender_discrepancy.records.observations import observe
+    from bender_inference.records.observations import observe
     from bender_loop.errors import RunError
     from bender_loop.records.record import read_record
 

@@ -147,8 +147,8 @@ def _answer(record: Path) -> WitnessedAnswer:
     """Diagnose in a process that knows nothing of what is hidden."""
     import time
 
-    from bender_discrepancy.records.checks import read_model
     from bender_discrepancy.workflow import diagnose
+    from bender_inference.records.checks import read_model
     from bender_loop.records.record import read_record
 
     began = time.perf_counter()

@@ -86,7 +86,7 @@ def run_trial(case: Case, folder: Path, budget_s: float, old_gains: Path) -> Inv
 
 
 def _investigated(case: Case, folder: Path, budget_s: float, old_gains: Path) -> dict[str, Any]:
-    from bender_discrepancy.records.checks import read_model
+    from bender_inference.records.checks import read_model
     from bender_investigate.investigation import Investigation
     from bender_investigate.settings import InvestigationSettings
     from bender_proving import Bench

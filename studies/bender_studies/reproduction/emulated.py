@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Voltage = Callable[[Array], Array]
 
-NEEDED = ("bender_emulator.microscope.scene", "bender_hil.runner.run", "bender_hil.vision.tracker", "pyvisa_py")
+NEEDED = ("bender_emulator.microscope.scene", "bender_hil.runner.run", "bender_vision.tracker", "pyvisa_py")
 FRAME_S, ZERO_FRAMES = 1.0 / 30.0, 15
 SUBSTEPS = 32
 PATIENCE_S = 0.5
@@ -83,9 +83,9 @@ class EmulatedBench:
         """The sine through the FMU, its frames drawn and tracked; a frame without a tip is lost."""
         from bender_emulator.microscope.scene import Scene
         from bender_emulator.microscope.settings import SceneSettings
-        from bender_hil.calibration import Calibration
-        from bender_hil.vision.settings import TrackerSettings
-        from bender_hil.vision.tracker import Tracker
+        from bender_vision.scale import Calibration
+        from bender_vision.settings import TrackerSettings
+        from bender_vision.tracker import Tracker
 
         settings, exposure_s = SceneSettings(), 2.0 * self.delay_s
         scene = Scene(settings, self.rng)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_emulator.microscope import Scene
-from bender_hil.calibration import Calibration
-from bender_hil.vision import Tracker, TrackerSettings
 from bender_studies.vision.cases import Case
+from bender_vision import Tracker, TrackerSettings
+from bender_vision.scale import Calibration
 
 Values = NDArray[np.float64]
 

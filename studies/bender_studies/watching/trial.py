@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_effects.catalogue import EFFECTS
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_proving.cases.hidden import NOISE_UM

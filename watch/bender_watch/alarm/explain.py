@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
+from bender_effects.catalogue import EFFECTS
+from bender_inference.settings import Settings
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import Record

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.stream import Stream
-from bender_discrepancy.effects.catalogue import EFFECTS, Sizes, forms
-from bender_discrepancy.effects.form import Form, Free
-from bender_discrepancy.effects.rigs import is_piezo_bender
+from bender_effects.catalogue import EFFECTS, Sizes, forms
+from bender_effects.form import Form, Free
+from bender_effects.rigs import is_piezo_bender
 from bender_plant.model import Model, ModelError
 from bender_plant.plant import effective_settings
 

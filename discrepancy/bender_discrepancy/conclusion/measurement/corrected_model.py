@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.measurement.driver import Driver
-from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
-from bender_discrepancy.fitting.fit_problem import Calibration
-from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.observations import Observations
+from bender_effects.catalogue import EFFECTS, READ_OFF
+from bender_inference.fitting.fit_problem import Calibration
+from bender_inference.fitting.output_error import Fitted
+from bender_inference.records.observations import Observations
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 from bender_plant.model import Model

@@ -23,15 +23,15 @@ from bender_discrepancy.conclusion.measurement.corrected_model import (
 )
 from bender_discrepancy.conclusion.measurement.driver import Driver
 from bender_discrepancy.conclusion.measurement.playable import playable_for
-from bender_discrepancy.fitting.blocked import ERRORS, predicted_residuals
-from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
-from bender_discrepancy.records.excerpt import Excerpt
-from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
-from bender_discrepancy.records.observations import Array, Mask, Observations
-from bender_discrepancy.search.judgement.score import difference
-from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
+from bender_inference.fitting.blocked import ERRORS, predicted_residuals
+from bender_inference.fitting.fit_problem import COARSER, Calibration
+from bender_inference.records.excerpt import Excerpt
+from bender_inference.records.noise import by_chance_um2, noise_floor_um
+from bender_inference.records.observations import Array, Mask, Observations
+from bender_inference.search.judgement.score import difference
+from bender_inference.search.result import SearchResult
 from bender_loop.records.between_rows import Exposed
 from bender_loop.records.outliers import outlying
 from bender_loop.records.record import Record

@@ -10,7 +10,7 @@ import re
 from dataclasses import fields, replace
 from typing import Any
 
-from bender_discrepancy.effects.rigs import is_piezo_bender
+from bender_effects.rigs import is_piezo_bender
 from bender_plant.blocks import BLOCKS, calibration, linear_transduction, residual_equation
 from bender_plant.model import BlockSettings, Model, ModelError
 from bender_plant.parameter import meanings

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.effects.catalogue import FULL_VOLTAGE_V, Effect, FULL_STROKE_um
+from bender_effects.catalogue import FULL_VOLTAGE_V, Effect, FULL_STROKE_um
 from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.compare import Comparison, compare
 from bender_plant.blocks import BLOCKS

@@ -4,9 +4,9 @@ import io
 import textwrap
 from typing import TYPE_CHECKING, Any, cast
 
-from bender_discrepancy.effects.catalogue import Effect
 from bender_discrepancy.report.signature.drives import Signature
 from bender_discrepancy.report.signature.views import NOISE, RESIDUAL, VIEWS, WITHOUT
+from bender_effects.catalogue import Effect
 from bender_report.chart import thinned
 from bender_report.record_overlay import MEASURED
 
