@@ -166,6 +166,17 @@ class Observations:
             command_s, volts = np.concatenate([[before_s], command_s]), np.concatenate([volts[:1], volts])
         return replace(self, drive=replace(x, command_time_s=command_s, voltage_V=volts))
 
+    def between_ends(self) -> "Observations":
+        """Return the record as if the command had stood at its largest for one half and at its smallest for the other.
+
+        This is how far commands of that size lead a plant that adds them up.
+        """
+        x = self.drive
+        middle_s = 0.5 * float(x.row_time_s[0] + x.row_time_s[-1])
+        high, low = float(np.max(self.command_V)), float(np.min(self.command_V))
+        volts = np.where(x.command_time_s < middle_s, high, low)
+        return replace(self, drive=replace(x, voltage_V=volts))
+
     def without(self, outlying: Mask) -> "Observations":
         """Return the observations with more rows set aside."""
         return replace(self, usable=self.usable & ~outlying)

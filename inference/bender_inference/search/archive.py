@@ -57,7 +57,7 @@ class Archive:
     _scanned: set[tuple[object, ...]] = field(default_factory=set)
     _predictions: dict[int, Prediction | None] = field(default_factory=dict)
     _mirrored: FitProblem | None = None
-    _spans: dict[Hypothesis, float] = field(default_factory=dict)
+    _spans: dict[tuple[Hypothesis, str], float] = field(default_factory=dict)
 
     def fit(self, hypothesis: Hypothesis, most_evaluations: int = 12, *, closely: bool = False) -> Fitted | None:
         """Return a hypothesis fitted from where it stands; None where it cannot be simulated there."""
@@ -110,11 +110,22 @@ class Archive:
         """Return the largest span of the readings under the mirrored commands of a record, inf where it runs away."""
         if self._mirrored is None:
             self._mirrored = self.problem.observing([x.mirrored() for x in self.problem.observations])
-        hypothesis = fitted.hypothesis
-        if hypothesis not in self._spans:
-            readings = self._mirrored.readings(hypothesis)
-            self._spans[hypothesis] = np.inf if readings is None else max(float(np.ptp(x)) for x in readings)
-        return abs(fitted.calibration.gain) * self._spans[hypothesis]
+        return self._span_um(self._mirrored, fitted)
+
+    def widest_span_um(self, fitted: Fitted) -> float:
+        """Return the largest span of the readings between the ends of the commands of a record, inf where it runs away.
+
+        A structure that adds its commands up goes farther there than it went in a record of a closed loop.
+        """
+        ends = self.problem.observing([x.between_ends() for x in self.problem.observations])
+        return self._span_um(ends, fitted, "ends")
+
+    def _span_um(self, problem: FitProblem, fitted: Fitted, under: str = "") -> float:
+        key = fitted.hypothesis, under
+        if key not in self._spans:
+            readings = problem.readings(fitted.hypothesis)
+            self._spans[key] = np.inf if readings is None else max(float(np.ptp(x)) for x in readings)
+        return abs(fitted.calibration.gain) * self._spans[key]
 
     def difference(self, better: Fitted, worse: Fitted) -> Difference:
         """Return by how much the first fit predicts blocks better that neither has seen."""

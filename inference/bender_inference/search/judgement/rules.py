@@ -165,7 +165,7 @@ class Rules:
         It is none where the gain of the reading is one that passes next to nothing on, where one of several effects
         ended where it is no answer (a drift that is quicker than a record tells, say: it takes up what the forms of
         the others leave), and where mirrored commands, as large and as quick as those of the records, lead far beyond
-        what was read and what the linear structure reads then.
+        what was read and what the linear structure reads then, or between the ends of the commands.
         """
         parts = fitted.hypothesis.parts
         given = archive.problem.base.values().get("calibration.gain", 1.0)
@@ -177,7 +177,9 @@ class Rules:
             return True
         seen = [x.measured_um[x.searched] for x in archive.problem.observations]
         bare = archive.bare(fitted.hypothesis.structure)
-        known = [float(np.ptp(x)) for x in seen] + ([] if bare is None else [archive.mirrored_span_um(bare)])
+        known = [float(np.ptp(x)) for x in seen]
+        if bare is not None:
+            known += [archive.mirrored_span_um(bare), archive.widest_span_um(bare)]
         return archive.mirrored_span_um(fitted) <= BEYOND * max(known)
 
     def gains(self, archive: Archive, better: Fitted, worse: Fitted) -> bool:
