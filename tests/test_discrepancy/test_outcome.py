@@ -484,6 +484,14 @@ def test_a_lag_is_not_sought_where_no_row_shows_it(row_s: float, low_s: float) -
     assert lows["transport_delay.delay_s"] == pytest.approx(0.001)
 
 
+def test_a_lag_may_be_as_slow_as_an_integrator_is_to_its_record() -> None:
+    model = load_model("beam").with_block("plant_lag", time_constant_s=20.0)
+    form = own_form(model, longest_s=10.0)
+    assert form is not None
+    highs = {x.name: x.high for x in form.free}
+    assert highs["plant_lag.time_constant_s"] == pytest.approx(1000.0)
+
+
 def test_a_number_of_the_model_at_the_end_of_its_range_is_said(tmp_path: Path):
     base = load_model("paper")
     form = own_form(base)

@@ -403,6 +403,38 @@ def test_a_hypothesis_reads_no_more_than_the_record_under_mirrored_commands(
     assert RULES.is_in_range(search.archive, other) is is_model
 
 
+CYLINDER = model_from_table(
+    {
+        "format": 1,
+        "name": "cylinder",
+        "block": [
+            {"id": "linear_transduction", "sensitivity_um_per_V": 3000.0},
+            {"id": "plant_lag", "time_constant_s": 300.0},
+        ],
+    }
+)
+
+
+def test_an_integrator_that_leans_to_one_side_is_a_model() -> None:
+    """A loop that holds a cylinder commands its weak side for longer: mirrored, it leaves the range of the record."""
+    cycle_V = np.repeat([1.0, -1.0], [30, round(30 / 0.6)])
+    record = record_of(CYLINDER, {"asymmetric_gain": {"difference": -0.4}}, np.tile(cycle_V, 4))
+    problem = problem_of(CYLINDER, (observe(record),))
+    archive = Archive(problem, NOISE_um)
+    right = fit(problem, hypothesis(CYLINDER, [record], ("asymmetric_gain", (-0.4,))))
+    bare = judge(problem, Hypothesis())
+    assert bare is not None
+    assert right is not None
+    archive.add([bare, right])
+    assert right.hypothesis.parts[0].values == pytest.approx((-0.4,), abs=0.05)
+    assert archive.mirrored_span_um(right) > 2.0 * np.ptp(record.displacement_um)
+    assert RULES.is_in_range(archive, right)
+
+
+def test_what_follows_its_command_adds_nothing_up(search: SearchResult) -> None:
+    assert search.archive.adds_up_um(search.best) == pytest.approx(0.0, abs=0.1)
+
+
 def test_mirrored_twice_is_the_record_after_a_stand(search: SearchResult) -> None:
     (seen,) = search.problem.observations
     stood = replace(seen.mirrored(), start="from_voltage")

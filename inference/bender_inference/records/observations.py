@@ -166,16 +166,12 @@ class Observations:
             command_s, volts = np.concatenate([[before_s], command_s]), np.concatenate([volts[:1], volts])
         return replace(self, drive=replace(x, command_time_s=command_s, voltage_V=volts))
 
-    def between_ends(self) -> "Observations":
-        """Return the record as if the command had stood at its largest for one half and at its smallest for the other.
-
-        This is how far commands of that size lead a plant that adds them up.
-        """
-        x = self.drive
-        middle_s = 0.5 * float(x.row_time_s[0] + x.row_time_s[-1])
-        high, low = float(np.max(self.command_V)), float(np.min(self.command_V))
-        volts = np.where(x.command_time_s < middle_s, high, low)
-        return replace(self, drive=replace(x, voltage_V=volts))
+    def held_at_largest(self) -> "Observations":
+        """Return the record as if its largest command had stood all the time, and the plant had been at rest before."""
+        largest_V = float(self.command_V[np.argmax(np.abs(self.command_V))])
+        return replace(
+            self, start="rest", drive=replace(self.drive, voltage_V=np.full_like(self.drive.voltage_V, largest_V))
+        )
 
     def without(self, outlying: Mask) -> "Observations":
         """Return the observations with more rows set aside."""

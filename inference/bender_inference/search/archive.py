@@ -1,7 +1,7 @@
 """Every fit that a search makes, once, with what it predicts of blocks that its fit did not see."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class Archive:
     _scanned: set[tuple[object, ...]] = field(default_factory=set)
     _predictions: dict[int, Prediction | None] = field(default_factory=dict)
     _mirrored: FitProblem | None = None
-    _spans: dict[tuple[Hypothesis, str], float] = field(default_factory=dict)
+    _spans: dict[Hypothesis, float] = field(default_factory=dict)
 
     def fit(self, hypothesis: Hypothesis, most_evaluations: int = 12, *, closely: bool = False) -> Fitted | None:
         """Return a hypothesis fitted from where it stands; None where it cannot be simulated there."""
@@ -110,22 +110,22 @@ class Archive:
         """Return the largest span of the readings under the mirrored commands of a record, inf where it runs away."""
         if self._mirrored is None:
             self._mirrored = self.problem.observing([x.mirrored() for x in self.problem.observations])
-        return self._span_um(self._mirrored, fitted)
+        hypothesis = fitted.hypothesis
+        if hypothesis not in self._spans:
+            readings = self._mirrored.readings(hypothesis)
+            self._spans[hypothesis] = np.inf if readings is None else max(float(np.ptp(x)) for x in readings)
+        return abs(fitted.calibration.gain) * self._spans[hypothesis]
 
-    def widest_span_um(self, fitted: Fitted) -> float:
-        """Return the largest span of the readings between the ends of the commands of a record, inf where it runs away.
+    def adds_up_um(self, fitted: Fitted) -> float:
+        """Return how far the linear part still goes in the second half of a record of the largest command.
 
-        A structure that adds its commands up goes farther there than it went in a record of a closed loop.
+        A plant that adds its commands up goes farther there than it went in a closed loop, others stand still.
         """
-        ends = self.problem.observing([x.between_ends() for x in self.problem.observations])
-        return self._span_um(ends, fitted, "ends")
-
-    def _span_um(self, problem: FitProblem, fitted: Fitted, under: str = "") -> float:
-        key = fitted.hypothesis, under
-        if key not in self._spans:
-            readings = problem.readings(fitted.hypothesis)
-            self._spans[key] = np.inf if readings is None else max(float(np.ptp(x)) for x in readings)
-        return abs(fitted.calibration.gain) * self._spans[key]
+        problem = self.problem.observing([x.held_at_largest() for x in self.problem.observations])
+        readings = problem.readings(replace(fitted.hypothesis, parts=(), equation=None))
+        if readings is None:
+            return 0.0
+        return abs(fitted.calibration.gain) * max(abs(float(x[-1] - x[x.size // 2])) for x in readings)
 
     def difference(self, better: Fitted, worse: Fitted) -> Difference:
         """Return by how much the first fit predicts blocks better that neither has seen."""

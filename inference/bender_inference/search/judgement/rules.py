@@ -165,7 +165,7 @@ class Rules:
         It is none where the gain of the reading is one that passes next to nothing on, where one of several effects
         ended where it is no answer (a drift that is quicker than a record tells, say: it takes up what the forms of
         the others leave), and where mirrored commands, as large and as quick as those of the records, lead far beyond
-        what was read and what the linear structure reads then, or between the ends of the commands.
+        what was read, what the linear structure reads then, and what its linear part adds up of the largest command.
         """
         parts = fitted.hypothesis.parts
         given = archive.problem.base.values().get("calibration.gain", 1.0)
@@ -177,10 +177,9 @@ class Rules:
             return True
         seen = [x.measured_um[x.searched] for x in archive.problem.observations]
         bare = archive.bare(fitted.hypothesis.structure)
-        known = [float(np.ptp(x)) for x in seen]
-        if bare is not None:
-            known += [archive.mirrored_span_um(bare), archive.widest_span_um(bare)]
-        return archive.mirrored_span_um(fitted) <= BEYOND * max(known)
+        known = [float(np.ptp(x)) for x in seen] + ([] if bare is None else [archive.mirrored_span_um(bare)])
+        span_um = archive.mirrored_span_um(fitted)
+        return span_um <= BEYOND * max(known) or span_um <= BEYOND * archive.adds_up_um(fitted) < np.inf
 
     def gains(self, archive: Archive, better: Fitted, worse: Fitted) -> bool:
         """Return whether one hypothesis predicts better by more than the luckiest of many starts would by chance."""
