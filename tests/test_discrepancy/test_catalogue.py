@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import bender_discrepancy
 import bender_inference
-from bender_discrepancy.conclusion.sentences import heading_of, title_of
+from bender_discrepancy.conclusion.sentences import heading_of, number_title, title_of
 from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
 from bender_discrepancy.report.signature.views import VIEWS
 from bender_effects.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um, forms
@@ -239,6 +239,13 @@ def test_a_device_of_other_quantities_has_no_word_of_a_piezo() -> None:
     with shown_in("mm", "N"):
         titles = [heading_of(x) for x in EFFECTS if EFFECTS[x].rigs != "piezo benders"]
     assert not [x for x in titles if any(y in x.lower() for y in WORDS_OF_A_PIEZO)]
+
+
+def test_the_mode_of_another_device_does_not_bend() -> None:
+    with shown_in("mm", "N"):
+        assert number_title("bending_modes.damping_ratio") == "mode.damping_ratio"
+    with shown_in("V", "um"):
+        assert number_title("bending_modes.damping_ratio") == "bending_modes.damping_ratio"
 
 
 def test_a_voltage_and_a_displacement_have_the_titles_of_the_catalogue() -> None:

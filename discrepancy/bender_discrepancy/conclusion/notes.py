@@ -8,7 +8,7 @@ import numpy as np
 from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.sentences import residual, share_of_stroke, title_of
+from bender_discrepancy.conclusion.sentences import number_title, residual, share_of_stroke, title_of
 from bender_effects.catalogue import EFFECTS, READ_OFF
 from bender_inference.fitting.own_numbers import DELAY, first_mode_Hz
 from bender_inference.records.excitation import changes_V, describe
@@ -120,8 +120,8 @@ def _numbered(search: SearchResult) -> list[str]:
 def _at_the_end(findings: Findings) -> list[str]:
     """Say which of the model's own numbers came to the end of what they may be."""
     return [
-        f"{x.name} is at the end of its range, {quantity(x.after, x.unit)}: what fits best may lie beyond; "
-        "the model may be of another device, or lack what this number stands in for"
+        f"{number_title(x.name)} is at the end of its range, {quantity(x.after, x.unit)}: what fits best may lie "
+        "beyond; the model may be of another device, or lack what this number stands in for"
         for x in findings.changed
         if x.at_end
     ]
@@ -363,7 +363,9 @@ def _mode_aliased(findings: Findings, rate_Hz: float) -> list[str]:
         unit_Hz = first_Hz / free.starts[0]
         others = [x for x in aliases_Hz(unit_Hz * value, rate_Hz, unit_Hz * free.high) if x > unit_Hz * free.low]
         if others:
-            found.append(_looks_like(free.name, rate_Hz, unit_Hz * value, _nearest(others, unit_Hz * value)))
+            found.append(
+                _looks_like(number_title(free.name), rate_Hz, unit_Hz * value, _nearest(others, unit_Hz * value))
+            )
     return found
 
 
@@ -374,7 +376,7 @@ def _nearest(others_Hz: Sequence[float], own_Hz: float) -> str:
 
 def _looks_like(name: str, rate_Hz: float, own_Hz: float, others: str) -> str:
     return (
-        f"{name}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like {others} Hz; a record of "
+        f"{number_title(name)}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like {others} Hz; a record of "
         "another rate distinguishes them"
     )
 

@@ -31,6 +31,11 @@ _DIGITS = range(3, 10)
 _AXES = {"time": "time", "voltage": "{}s", "rate": "rates", "frequency": "frequencies"}
 
 
+def number_title(name: str) -> str:
+    """Return what one of the model's own numbers is called: the mode of another device need not bend."""
+    return name.replace("bending_modes.", "mode.") if is_other_rig() else name
+
+
 def heading_of(effect_id: str) -> str:
     """Return the title of an effect, in the words of the device."""
     about = EFFECTS[effect_id]
@@ -96,7 +101,7 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
         shown = "them" if len(findings.added) > 1 else "it"
         return f"; held-out readings, with a residual of {residual(measured)}, do not confirm {shown}"
     several = len(findings.added) > 1
-    own = listed([x.name for x in findings.recalibrated if x.name not in OF_THE_READING])
+    own = listed([number_title(x.name) for x in findings.recalibrated if x.name not in OF_THE_READING])
     closing = "they close" if several else "it closes"
     if own:
         closing = f"{'they' if several else 'it'} and another {own} close"
@@ -150,7 +155,7 @@ def _recalibrated(x: RecalibratedNumber) -> str:
     """Return what became of a number, in the record where it changed most."""
     after = x.afters[x.most_changed] if x.afters else x.after
     where = f" in record {x.most_changed + 1}" if x.afters else ""
-    return f"the {x.name} is {_change(x.before, after, x.unit)}{where}"
+    return f"the {number_title(x.name)} is {_change(x.before, after, x.unit)}{where}"
 
 
 def _change(before: float, after: float, unit: str) -> str:

@@ -15,6 +15,7 @@ from bender_discrepancy.conclusion.notes import FIRST_LINE, beginning
 from bender_discrepancy.conclusion.sentences import (
     gap_sentence,
     heading_of,
+    number_title,
     range_sentence,
     range_words,
     share_words,
@@ -143,7 +144,7 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "very_strong": figure(very_strong(findings.search.settings.confidence), 2),
         "recalibrated": [
             {
-                "name": x.name,
+                "name": number_title(x.name),
                 "before": quantity(x.before, x.unit),
                 "after": ", ".join(uncertain(value, HALF_WIDTH * x.std, x.unit) for value in x.afters or (x.after,))
                 + (", the end of its range" if x.at_end else ""),

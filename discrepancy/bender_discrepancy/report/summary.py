@@ -8,7 +8,7 @@ from typing import Any
 from bender_discrepancy.conclusion.diagnosis_json import SPARSE_EQUATION
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
-from bender_discrepancy.conclusion.sentences import OF_THE_RECORD, range_sentence, share_words
+from bender_discrepancy.conclusion.sentences import OF_THE_RECORD, number_title, range_sentence, share_words
 from bender_discrepancy.conclusion.shares import OWN_NUMBERS
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
@@ -67,7 +67,8 @@ def _recalibrated(findings: Findings) -> Iterator[str]:
     for x in findings.recalibrated:
         end = ", the end of its range" if x.at_end else ""
         yield from _line(
-            x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, HALF_WIDTH * x.std, x.unit)}{end}"
+            number_title(x.name),
+            f"{quantity(x.before, x.unit)} → {uncertain(x.after, HALF_WIDTH * x.std, x.unit)}{end}",
         )
     own = findings.shares.get(OWN_NUMBERS, 0.0)
     if own > 0.0:
