@@ -376,8 +376,8 @@ def _nearest(others_Hz: Sequence[float], own_Hz: float) -> str:
 
 def _looks_like(name: str, rate_Hz: float, own_Hz: float, others: str) -> str:
     return (
-        f"{number_title(name)}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like {others} Hz; a record of "
-        "another rate distinguishes them"
+        f"{number_title(name)}: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like {others} Hz; "
+        "a record of another rate distinguishes them"
     )
 
 
