@@ -167,11 +167,10 @@ class Observations:
         return replace(self, drive=replace(x, command_time_s=command_s, voltage_V=volts))
 
     def held_at_largest(self) -> "Observations":
-        """Return the record as if its largest command had stood all the time, and the plant had been at rest before."""
-        largest_V = float(self.command_V[np.argmax(np.abs(self.command_V))])
-        return replace(
-            self, start="rest", drive=replace(self.drive, voltage_V=np.full_like(self.drive.voltage_V, largest_V))
-        )
+        """Return the record as if its largest command had stood all the time, behind a long stand at its smallest."""
+        volts = np.full_like(self.drive.voltage_V, float(np.max(self.command_V)))
+        volts[0] = float(np.min(self.command_V))
+        return replace(self, start="from_voltage", drive=replace(self.drive, voltage_V=volts))
 
     def without(self, outlying: Mask) -> "Observations":
         """Return the observations with more rows set aside."""

@@ -117,7 +117,7 @@ class Archive:
         return abs(fitted.calibration.gain) * self._spans[hypothesis]
 
     def adds_up_um(self, fitted: Fitted) -> float:
-        """Return how far the linear part still goes in the second half of a record of the largest command.
+        """Return how far the linear part still goes in the second half of a record that leads from end to end.
 
         A plant that adds its commands up goes farther there than it went in a closed loop, others stand still.
         """
