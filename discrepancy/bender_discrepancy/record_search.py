@@ -37,6 +37,8 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model
 
 MOST_EFFECTS = 5
+INTEGRATES = 100.0
+"""A lag so many times as slow as a record forgets one percent of what it adds up there."""
 
 
 def search_records(
@@ -207,6 +209,8 @@ def _kits(
 
 def _kit(structure: Model | None, model: Model, forms: Sequence[Form], observations: Sequence[Observations]) -> Kit:
     longest_s = max(float(np.ptp(x.time_s)) for x in observations)
+    # a plant that adds its commands up stands still at none only
+    longest_s *= INTEGRATES if all(x.passes_zero for x in observations) else 1.0
     row_s = min(float(np.median(np.diff(x.time_s))) for x in observations)
     return Kit(structure, tuple(forms), own_form(model, longest_s, row_s))
 

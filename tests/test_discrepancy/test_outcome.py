@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from reported_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy import record_search
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find, span_of
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap, straight_beyond
@@ -484,12 +485,14 @@ def test_a_lag_is_not_sought_where_no_row_shows_it(row_s: float, low_s: float) -
     assert lows["transport_delay.delay_s"] == pytest.approx(0.001)
 
 
-def test_a_lag_may_be_as_slow_as_an_integrator_is_to_its_record() -> None:
-    model = load_model("beam").with_block("plant_lag", time_constant_s=20.0)
-    form = own_form(model, longest_s=10.0)
+@pytest.mark.parametrize(("lowest_V", "times"), [(-5.0, 100.0), (0.0, 100.0), (5.0, 1.0)])
+def test_a_lag_may_be_an_integrator_where_the_commands_let_one_stand_still(lowest_V: float, times: float) -> None:
+    model = load_model("beam").with_block("plant_lag", time_constant_s=5.0)
+    seen = observe(record_of(voltage_V=np.linspace(lowest_V, 20.0, 301)))
+    form = record_search._kit(None, model, (), [seen]).own
     assert form is not None
     highs = {x.name: x.high for x in form.free}
-    assert highs["plant_lag.time_constant_s"] == pytest.approx(1000.0)
+    assert highs["plant_lag.time_constant_s"] == pytest.approx(min(times * 10.0, 500.0))
 
 
 def test_a_number_of_the_model_at_the_end_of_its_range_is_said(tmp_path: Path):

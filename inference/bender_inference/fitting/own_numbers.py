@@ -32,8 +32,6 @@ FREQUENCY_WITHIN = 2.0
 OTHERS_WITHIN = 10.0
 # a lag may be that of another supply: from what no reading shows to what is as slow as the record
 TIMES_UP_TO = 100.0
-TIMES_A_RECORD = 100.0
-"""A lag so much slower than a record forgets one percent of what it added up there."""
 # polymers soften by 0.2 to 0.5 % a kelvin, their resonances fall by half of that: less is no other resonance
 A_KELVIN = 0.001
 
@@ -86,7 +84,7 @@ def own_form(base: Model, longest_s: float = math.inf, row_s: float = 0.0) -> Fo
 
     Args:
         base: the model.
-        longest_s: of the records; a lag that is a hundred times as slow is an integrator to all of them.
+        longest_s: a lag that becomes slower is an integrator, whose gain no record shows.
         row_s: between two rows; a lag that is far quicker shows in none of them, and takes many sub-steps.
     """
     numbers = own_numbers(base)
@@ -175,6 +173,6 @@ def _lowest(x: OwnNumber, row_s: float) -> float:
 
 def _highest(x: OwnNumber, longest_s: float) -> float:
     if x.parameter.endswith("_s"):
-        return max(x.given, min(x.given * TIMES_UP_TO, TIMES_A_RECORD * longest_s))
+        return max(x.given, min(x.given * TIMES_UP_TO, longest_s))
     # an oscillation that is damped more is none
     return min(x.given * x.within, 0.9) if x.parameter == "damping_ratio" else x.given * x.within

@@ -166,6 +166,11 @@ class Observations:
             command_s, volts = np.concatenate([[before_s], command_s]), np.concatenate([volts[:1], volts])
         return replace(self, drive=replace(x, command_time_s=command_s, voltage_V=volts))
 
+    @property
+    def passes_zero(self) -> bool:
+        """Whether no command, at which a plant that adds them up stands still, is within their range."""
+        return bool(np.min(self.command_V) <= 0.0 <= np.max(self.command_V))
+
     def held_at_largest(self) -> "Observations":
         """Return the record as if its largest command had stood all the time, behind a long stand at its smallest."""
         volts = np.full_like(self.drive.voltage_V, float(np.max(self.command_V)))

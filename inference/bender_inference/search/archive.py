@@ -119,8 +119,11 @@ class Archive:
     def adds_up_um(self, fitted: Fitted) -> float:
         """Return how far the linear part still goes in the second half of a record that leads from end to end.
 
-        A plant that adds its commands up goes farther there than it went in a closed loop, others stand still.
+        A plant that adds its commands up goes farther there than it went in a closed loop, others stand still. Records
+        that never pass the command at which such a plant would stand still are of none.
         """
+        if not all(x.passes_zero for x in self.problem.observations):
+            return 0.0
         problem = self.problem.observing([x.held_at_largest() for x in self.problem.observations])
         readings = problem.readings(replace(fitted.hypothesis, parts=(), equation=None))
         if readings is None:
