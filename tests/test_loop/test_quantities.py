@@ -8,7 +8,7 @@ from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.records.common_units import in_units_of, told_in
+from bender_loop.records.common_units import in_units_of, with_stated_unit
 from bender_loop.records.record import Record, read_record
 from bender_loop.tables.quantities import MICROMETRE, VOLT, Quantities, compact, factor, is_known
 from bender_report.wording import axis_text, input_word, quantity, relabelled, shown_in
@@ -177,7 +177,7 @@ def test_another_quantity_than_that_of_the_model_is_refused_in_the_unit_of_the_f
 )
 def test_numbers_are_told_in_the_unit_of_the_file(own: tuple[str, str, tuple[str, str]], told: tuple[str, str]) -> None:
     record = kept(Quantities(*own))
-    assert (told_in(record, 2.0, VOLT), told_in(record, 1.5, MICROMETRE)) == told
+    assert (with_stated_unit(record, 2.0, VOLT), with_stated_unit(record, 1.5, MICROMETRE)) == told
 
 
 @needs_compiler

@@ -363,9 +363,7 @@ def _mode_aliased(findings: Findings, rate_Hz: float) -> list[str]:
         unit_Hz = first_Hz / free.starts[0]
         others = [x for x in aliases_Hz(unit_Hz * value, rate_Hz, unit_Hz * free.high) if x > unit_Hz * free.low]
         if others:
-            found.append(
-                _looks_like(number_title(free.name), rate_Hz, unit_Hz * value, _nearest(others, unit_Hz * value))
-            )
+            found.append(_looks_like(free.name, rate_Hz, unit_Hz * value, _nearest(others, unit_Hz * value)))
     return found
 
 

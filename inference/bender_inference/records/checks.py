@@ -9,7 +9,7 @@ from bender_effects.rigs import is_piezo_bender
 from bender_inference.records.first_look import ROUGH, first_look
 from bender_inference.settings import Settings
 from bender_loop.errors import InputError
-from bender_loop.records.common_units import told_in
+from bender_loop.records.common_units import with_stated_unit
 from bender_loop.records.distinct import refuse_twice_the_same
 from bender_loop.records.record import Record, read_record
 from bender_loop.records.sizes import check_readings, check_sizes, check_work
@@ -103,15 +103,17 @@ def _refuse_what_teaches_nothing(name: str, record: Record) -> None:
         )
     voltage = record.voltage_V
     if np.ptp(voltage) == 0.0:
+        found = with_stated_unit(record, voltage[0], VOLT, 6)
         raise InputError(
-            f"{name}, column voltage_V: found {told_in(record, voltage[0], VOLT, 6)} in every row from line 2 on, "
-            "expected a voltage that changes; a constant one shows no effect"
+            f"{name}, column voltage_V: found {found} in every row from line 2 on, expected a voltage that "
+            "changes; a constant one shows no effect"
         )
     readings = record.displacement_um[seen]
     if np.ptp(readings) == 0.0:
+        found = with_stated_unit(record, readings[0], MICROMETRE, 6)
         raise InputError(
-            f"{name}, column displacement_um: found {told_in(record, readings[0], MICROMETRE, 6)} in every row from "
-            f"line {seen[0] + 2} on, expected readings that change; is the sensor connected?"
+            f"{name}, column displacement_um: found {found} in every row from line {seen[0] + 2} on, "
+            "expected readings that change; is the sensor connected?"
         )
 
 
@@ -140,7 +142,7 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
             rows, simulated = first_look(model, record, settings)
         except (ModelError, ArithmeticError) as error:
             row = int(np.argmax(np.abs(record.voltage_V)))
-            found = told_in(record, record.voltage_V[row], VOLT)
+            found = with_stated_unit(record, record.voltage_V[row], VOLT)
             raise InputError(
                 f"{name}, line {row + 2}, column voltage_V: found up to {found}, under which the "
                 f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
@@ -166,12 +168,12 @@ def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: 
     if expected == 0.0 or low * expected <= spread <= high * most:
         return
     row = int(seen[np.argmax(np.abs(measured - np.median(measured)))])
-    found = told_in(record, record.displacement_um[row], MICROMETRE)
-    told, wanted = (told_in(record, x, MICROMETRE, digits=3) for x in (spread, expected))
+    found = with_stated_unit(record, record.displacement_um[row], MICROMETRE)
+    command = with_stated_unit(record, record.voltage_V[row], VOLT)
+    stroke, wanted = (with_stated_unit(record, x, MICROMETRE, digits=3) for x in (spread, expected))
     raise InputError(
-        f"{name}, line {row + 2}: found {found} at {told_in(record, record.voltage_V[row], VOLT)}, in a record whose "
-        f"readings spread over {told}; expected {wanted} times {low:.2g} to {high:g}; say what units the columns have, "
-        "as in --units s,V,um"
+        f"{name}, line {row + 2}: found {found} at {command}, in a record whose readings spread over {stroke}; "
+        f"expected {wanted} times {low:.2g} to {high:g}; say what units the columns have, as in --units s,V,um"
     )
 
 

@@ -58,6 +58,7 @@ class Archive:
     _predictions: dict[int, Prediction | None] = field(default_factory=dict)
     _mirrored: FitProblem | None = None
     _spans: dict[Hypothesis, float] = field(default_factory=dict)
+    _added_up: dict[Hypothesis, float] = field(default_factory=dict)
 
     def fit(self, hypothesis: Hypothesis, most_evaluations: int = 12, *, closely: bool = False) -> Fitted | None:
         """Return a hypothesis fitted from where it stands; None where it cannot be simulated there."""
@@ -122,13 +123,17 @@ class Archive:
         A plant that adds its commands up goes farther there than it went in a closed loop, others stand still. Records
         that never pass the command at which such a plant would stand still are of none.
         """
+        linear = replace(fitted.hypothesis, parts=(), equation=None)
+        if linear not in self._added_up:
+            self._added_up[linear] = self._adds_up_um(linear)
+        return abs(fitted.calibration.gain) * self._added_up[linear]
+
+    def _adds_up_um(self, linear: Hypothesis) -> float:
         if not all(x.passes_zero for x in self.problem.observations):
             return 0.0
         problem = self.problem.observing([x.held_at_largest() for x in self.problem.observations])
-        readings = problem.readings(replace(fitted.hypothesis, parts=(), equation=None))
-        if readings is None:
-            return 0.0
-        return abs(fitted.calibration.gain) * max(abs(float(x[-1] - x[x.size // 2])) for x in readings)
+        readings = problem.readings(linear)
+        return 0.0 if readings is None else max(abs(float(x[-1] - x[x.size // 2])) for x in readings)
 
     def difference(self, better: Fitted, worse: Fitted) -> Difference:
         """Return by how much the first fit predicts blocks better that neither has seen."""
@@ -203,6 +208,7 @@ class Archive:
         self._starts.clear()
         self._scanned.clear()
         self._spans.clear()
+        self._added_up.clear()
         self._mirrored = None
 
     def _recount(self, problem: FitProblem, leader: Fitted, again: Fitted) -> None:

@@ -34,7 +34,7 @@ def in_units_of(records: Sequence[Record], wanted: Units | None = None, names: S
     return [_converted(x, (command, reading), name, needed) for x, name in zip(records, told, strict=True)]
 
 
-def told_in(record: Record, value: float, unit: str, digits: int = 4) -> str:
+def with_stated_unit(record: Record, value: float, unit: str, digits: int = 4) -> str:
     """Return a number of a record in the unit that its file states.
 
     Args:

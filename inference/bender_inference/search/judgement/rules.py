@@ -165,7 +165,8 @@ class Rules:
         It is none where the gain of the reading is one that passes next to nothing on, where one of several effects
         ended where it is no answer (a drift that is quicker than a record tells, say: it takes up what the forms of
         the others leave), and where mirrored commands, as large and as quick as those of the records, lead far beyond
-        what was read, what the linear structure reads then, and what its linear part adds up of the largest command.
+        what was read, what the linear structure reads then, and what its linear part adds up from end to end of
+        the commands.
         """
         parts = fitted.hypothesis.parts
         given = archive.problem.base.values().get("calibration.gain", 1.0)
