@@ -1,5 +1,6 @@
 """A first-order lag with one fault, which `resources/fault.txt` names."""
 
+import atexit
 import math
 import os
 import time
@@ -18,6 +19,8 @@ class LoopTestFaulty(Fmi2Slave):
         self.fault = told.read_text(encoding="utf-8") if told.is_file() else ""
         if self.fault == "no package":
             import a_package_that_nobody_has  # noqa: F401 # pyright: ignore[reportMissingImports]
+        if self.fault == "aborts at the end":
+            atexit.register(os.abort)
         self.u = 0.0
         self.y = 0.0
         self._hidden = 0.0
