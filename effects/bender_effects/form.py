@@ -120,6 +120,7 @@ class Form:
         apply: puts the block into a model, given the free numbers.
         memory: its output depends on the past of the input: one frequency at one amplitude cannot tell it.
         timed: its name needs true times.
+        adds_up: its output adds up what goes in, without end.
         records: of how many records it has numbers; those of the first one come first. One set serves all where 1.
         shown: another channel of the records shows the effect: it stands, whatever the readings alone would say.
         refines: the name of a form of the same effect that has the first of these numbers only: a search sets out from
@@ -142,6 +143,7 @@ class Form:
     beside: str = ""
     curve: tuple[str, ...] = ()
     scan: str = ""
+    adds_up: bool = False
 
     def of_record(self, values: Values, record: int) -> Values:
         """Return the numbers that hold for one record."""

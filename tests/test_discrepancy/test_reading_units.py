@@ -115,3 +115,27 @@ def test_what_brakes_a_motor_is_told_in_the_unit_of_its_speed_as_the_model_has_i
     for name, number in numbers.items():
         spoken = name.removesuffix("_1_per_um").removesuffix("_um").removesuffix("_s")
         assert number.value == pytest.approx(values[f"{effect}.{spoken}"])
+
+
+def test_the_friction_of_an_axis_is_told_from_its_place() -> None:
+    """An axis on dry friction with a weight on it, in a loop of its own: mm, and V of its drive."""
+    rng, step_s, parts, tau_s, dry, weight = np.random.default_rng(5), 0.01, 20, 0.25, 60.0, -12.0
+    aims = np.repeat(rng.uniform(-80.0, 80.0, 20), 60)
+    volts, read, place, speed = [], [], 0.0, 0.0
+    for aim in aims:
+        volts.append(float(np.clip(0.12 * (aim - place), -6.0, 6.0)))
+        read.append(place)
+        for _ in range(parts):
+            pull, h, before = 100.0 * volts[-1] + weight, step_s / parts, speed
+            speed += h * (pull - speed - math.copysign(dry, speed or pull)) / tau_s
+            if (before * speed < 0.0 or before == 0.0) and abs(pull) <= dry:
+                speed = 0.0
+            place += h * speed
+    readings = np.array(read) + rng.normal(0.0, 0.02, aims.size)
+    found = diagnose(None, [Record(step_s * np.arange(aims.size, dtype=np.float64), np.array(volts), readings)])
+    assert [x.id for x in found.findings.effects] == ["bearing_friction"]
+    numbers = {x.name: x.value for x in found.findings.effects[0].numbers}
+    # speeds are counted by the way within the time constant
+    assert numbers["friction_um"] == pytest.approx(dry * tau_s, rel=0.03)
+    assert numbers["load_um"] == pytest.approx(weight * tau_s, rel=0.05)
+    assert numbers["time_constant_s"] == pytest.approx(tau_s, rel=0.03)

@@ -1,10 +1,14 @@
 """Dry friction of a speed: the drive has to exceed it before anything turns, and what turns comes to rest."""
 
-from bender_effects.effect import OTHER_RIGS, UNSEEN_OF_A_ROW, Effect, Sizes
+from dataclasses import replace
+
+from bender_effects.effect import OTHER_RIGS, UNSEEN_OF_A_ROW, Effect, FULL_STROKE_um, Sizes
 from bender_effects.form import Form, Values, scale
 from bender_effects.lag_taken import without_a_lag
 from bender_plant.model import Model
 
+MOST_STROKES = 10.0
+"""Of the readings, within the time constant of the speed: friction and load are sought up to there."""
 COVERED = {"friction_um": (0.3, 11.5), "drag_1_per_um": (0.005, 0.5)}
 
 
@@ -18,6 +22,13 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         loads = dict(zip(COVERED, values, strict=False))
         return rest.with_block("bearing_friction", time_constant_s=tau_s, **loads)
 
+    def of_a_place(model: Model, values: Values) -> Model:
+        """Take over two lags: the shorter is that of the speed, which adds up to the place."""
+        rest, one_s = without_a_lag(model, unseen_s, "bearing_friction")
+        rest, other_s = without_a_lag(rest, unseen_s, "bearing_friction")
+        loads = dict(zip(("friction_um", "load_um"), values, strict=False))
+        return rest.with_block("bearing_friction", time_constant_s=min(one_s, other_s), **loads, form="place")
+
     force, drag = (
         sizes.sized(scale(name, *COVERED[name], count, 0.0), COVERED[name], unit)
         for name, count, unit in (("friction_um", 6, "um"), ("drag_1_per_um", 3, "1/um"))
@@ -27,12 +38,21 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         "bearing_friction", "dry friction of a speed, with drag", (force, drag), apply, memory=True,
         refines=plain.name, beside="speed_drag", curve=("drag_1_per_um",),
     )  # fmt: skip
-    return plain, both
+    # full drive may move a place by many strokes within the time constant
+    way = scale("friction_um", COVERED["friction_um"][0], MOST_STROKES * FULL_STROKE_um, 8, 0.0)
+    pull = replace(way, name="load_um", low=-way.high, log=False, starts=(-20.0, -2.0, 2.0, 20.0))
+    forces = sizes.sized(way, COVERED["friction_um"], "um"), sizes.sized(pull, COVERED["friction_um"], "um")
+    place = Form(
+        "bearing_friction", "dry friction where the place is read", forces[:1], of_a_place, memory=True, adds_up=True
+    )  # fmt: skip
+    # beside a load the friction alone explains nothing: neither sets out from the other
+    loaded = replace(place, name="dry friction and a load where the place is read", free=forces)
+    return plain, both, place, loaded
 
 
 EFFECT = Effect(
     id="bearing_friction",
-    summary="dry friction of something whose speed is read: motors, pulleys, belts",
+    summary="dry friction of what turns or slides: motors, belts, axes, servos",
     signature=(
         "Nothing turns before the drive exceeds the friction; beyond that the speed grows with the drive. Without "
         "drive it falls along a curve that ends at rest, sooner than a lag would."

@@ -120,10 +120,12 @@ class Archive:
     def adds_up_um(self, fitted: Fitted) -> float:
         """Return how far the linear part still goes in the second half of a record that leads from end to end.
 
-        A plant that adds its commands up goes farther there than it went in a closed loop, others stand still. Records
-        that never pass the command at which such a plant would stand still are of none.
+        A plant that adds its commands up, which may be an effect's doing, goes farther there than it went in a closed
+        loop; others stand still. Records that never pass the command at which such a plant would stand still are of
+        none.
         """
-        linear = replace(fitted.hypothesis, parts=(), equation=None)
+        parts = tuple(x for x in fitted.hypothesis.parts if x.form.adds_up)
+        linear = replace(fitted.hypothesis, parts=parts, equation=None)
         if linear not in self._added_up:
             self._added_up[linear] = self._adds_up_um(linear)
         return abs(fitted.calibration.gain) * self._added_up[linear]
