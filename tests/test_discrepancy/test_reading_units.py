@@ -117,6 +117,7 @@ def test_what_brakes_a_motor_is_told_in_the_unit_of_its_speed_as_the_model_has_i
         assert number.value == pytest.approx(values[f"{effect}.{spoken}"])
 
 
+@pytest.mark.slow
 def test_the_friction_of_an_axis_is_told_from_its_place() -> None:
     """An axis on dry friction with a weight on it, in a loop of its own: mm, and V of its drive."""
     rng, step_s, parts, tau_s, dry, weight = np.random.default_rng(5), 0.01, 20, 0.25, 60.0, -12.0
@@ -138,4 +139,22 @@ def test_the_friction_of_an_axis_is_told_from_its_place() -> None:
     # speeds are counted by the way within the time constant
     assert numbers["friction_um"] == pytest.approx(dry * tau_s, rel=0.03)
     assert numbers["load_um"] == pytest.approx(weight * tau_s, rel=0.05)
+    assert numbers["time_constant_s"] == pytest.approx(tau_s, rel=0.03)
+
+
+def test_what_a_device_rests_at_is_a_stop_and_not_a_limit_of_its_reading() -> None:
+    """A flap with a return spring, whose drive pushes on at either stop for as long as it likes."""
+    rng, step_s, tau_s, per_V, high, low = np.random.default_rng(6), 0.02, 0.4, 12.0, 55.0, -30.0
+    volts = np.repeat(rng.uniform(-9.0, 11.0, 40), 30)
+    read, place, kept = [], 0.0, math.exp(-step_s / tau_s)
+    for u in volts:
+        read.append(place)
+        # the drive is held: between the stops one exponential, and none comes off a stop within it
+        place = min(max(per_V * u + (place - per_V * u) * kept, low), high)
+    readings = np.array(read) + rng.normal(0.0, 0.3, volts.size)
+    found = diagnose(None, [Record(step_s * np.arange(volts.size, dtype=np.float64), volts, readings)])
+    assert [x.id for x in found.findings.effects] == ["end_stop"]
+    numbers = {x.name: x.value for x in found.findings.effects[0].numbers}
+    assert numbers["highest_um"] == pytest.approx(high, rel=0.02)
+    assert numbers["lowest_um"] == pytest.approx(-low, rel=0.02)
     assert numbers["time_constant_s"] == pytest.approx(tau_s, rel=0.03)
