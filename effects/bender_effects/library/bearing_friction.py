@@ -1,4 +1,4 @@
-"""Dry friction of a speed: the drive has to exceed it before anything turns, and what turns comes to rest."""
+"""Dry friction of what turns or slides: the drive has to exceed it before anything moves, and what moves rests."""
 
 from dataclasses import replace
 

@@ -147,10 +147,10 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
                 f"{name}, line {row + 2}, column voltage_V: found up to {found}, under which the "
                 f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
             ) from None
-        _refuse_implausible(name, record, rows, simulated)
+        _refuse_implausible(name, record, rows, simulated, model.name)
 
 
-def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: np.ndarray) -> None:
+def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: np.ndarray, model_name: str) -> None:
     is_read = np.isfinite(record.displacement_um[rows])
     seen = rows[is_read]
     if not seen.size:
@@ -173,7 +173,8 @@ def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: 
     stroke, wanted = (with_stated_unit(record, x, MICROMETRE, digits=3) for x in (spread, expected))
     raise InputError(
         f"{name}, line {row + 2}: found {found} at {command}, in a record whose readings spread over {stroke}; "
-        f"expected {wanted} times {low:.2g} to {high:g}; say what units the columns have, as in --units s,V,um"
+        f"expected {wanted} times {low:.2g} to {high:g}, as of the model {model_name}; say what units the columns "
+        "have, as in --units s,V,um, or, of another device, --model auto"
     )
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ID = "bearing_friction"
 STAGE = "structure"
-TITLE = "Dry friction of a speed"
+TITLE = "Bearing friction"
 MEMORY = True
 FORMS = ("speed", "place")
 
