@@ -84,7 +84,7 @@ def test_coordinates_of_the_search_lead_back(structure: Structure, seed: int):
     rng = np.random.default_rng(seed)
     record = Record(np.arange(40, dtype=np.float64) * 0.1, steps(40, 1), steps(40, 1) * 0.5)
     task = FitTask.of([experiment_of(record, "any", Settings())])
-    ranges = {"time": (1e-3, 10.0), "frequency": (0.2, 5.0), "damping": (0.01, 0.9), "share": (-0.9, 0.9)}
+    ranges = {"time": (1e-3, 10.0), "frequency": (0.6, 5.0), "damping": (0.01, 0.9), "share": (-0.9, 0.9)}
     values = tuple(float(rng.uniform(*ranges[name.partition("_")[0]])) for name in structure.names)
     assert from_search(structure, to_search(structure, values, task), task) == pytest.approx(values, rel=1e-6)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bender_compiled.simulation import Simulator
 from bender_identify.first_model.structures import (
     LEAST_DAMPING,
+    LEAST_PERIODS,
     LONGEST_DELAY_S,
     LONGEST_LAG_S,
     MOST_DAMPING,
@@ -156,7 +157,8 @@ def _outward(name: str, point: float, task: FitTask) -> float:
     low, high = max(SHORTEST_LAG_S, SHORTEST_OF_A_ROW * task.delay_unit_s), min(LONGEST_LAG_S, 3.0 * task.duration_s)
     if name.startswith("frequency"):
         # a mode far above the rate of the rows shows in no reading, and takes endless sub-steps to simulate
-        low, high = max(LOWEST_Hz, 0.5 / task.duration_s), min(HIGHEST_Hz, HIGHEST_PER_ROW / task.delay_unit_s)
+        low = max(LOWEST_Hz, LEAST_PERIODS / task.duration_s)
+        high = min(HIGHEST_Hz, HIGHEST_PER_ROW / task.delay_unit_s)
     return math.exp(min(max(point, math.log(low)), math.log(high)))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bender_identify.first_model.fit import FirstFit, FitTask, Mask, evaluated
 from bender_identify.first_model.frequency_start import frequency_starts
-from bender_identify.first_model.structures import LONGEST_LAG_S, HIGHEST_Hz, LOWEST_Hz, Structure
+from bender_identify.first_model.structures import LEAST_PERIODS, LONGEST_LAG_S, HIGHEST_Hz, LOWEST_Hz, Structure
 from bender_identify.records.experiment import Experiment
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def time_constants_s(task: FitTask) -> Array:
 def frequencies_Hz(task: FitTask) -> Array:
     """Return the frequencies that are scanned: peaks of the response first, then a grid up to the Nyquist frequency."""
     longest = max(float(np.ptp(x.time_s)) for x in task.experiments)
-    low, high = max(1.0 / longest, LOWEST_Hz), min(0.5 / task.delay_unit_s, HIGHEST_Hz)
+    low, high = max(LEAST_PERIODS / longest, LOWEST_Hz), min(0.5 / task.delay_unit_s, HIGHEST_Hz)
     grid = np.geomspace(low, high, max(4, int(MODES_PER_DECADE * np.log10(high / low)) + 1))
     peaks = [f for x in task.experiments for f in response_peaks_Hz(x)]
     return np.unique(np.concatenate([grid, [f for f in peaks if low <= f <= high]]))

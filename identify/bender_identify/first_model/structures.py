@@ -11,6 +11,8 @@ LAGS = ("time_constant_s", "second_time_constant_s")
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 0.949
 LONGEST_LAG_S, LONGEST_DELAY_S = 1e6, 1e4
 LOWEST_Hz, HIGHEST_Hz = 1e-6, 1e6
+LEAST_PERIODS = 2.0
+"""Of a mode within the records: one that does not swing back twice is not told from a lag, a loop or a drift."""
 
 
 @dataclass(frozen=True, slots=True)
