@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from bender_plant.blocks import BLOCKS
 from bender_plant.kernels.draining_lag import DRAG, RADIATION, level_held, losing_step, loss
 from bender_plant.model import load_model
+from bender_plant.plant import effective_settings
 
 PAPER = load_model("paper")
 OMEGA = 2 * math.pi * 104.37328430533374
@@ -187,7 +188,7 @@ def test_the_bench_model_against_solve_ivp(tau_s: float) -> None:
 
 @pytest.mark.parametrize(
     ("block_id", "parameters"),
-    few_rows(OWN_ORACLE, *range(0, len(OWN_ORACLE), 3)),
+    OWN_ORACLE,
     ids=[f"{name} {k}" for k, (name, _) in enumerate(OWN_ORACLE)],
 )
 def test_against_the_oracle_of_its_own(block_id: str, parameters: dict[str, Any]) -> None:
@@ -220,6 +221,26 @@ def test_surroundings_and_sensor_add_what_they_say(block_id: str) -> None:
     found = run_plant(PAPER.with_block(block_id, **parameters), STAIRS, 0.05)
     t = 0.05 * np.arange(1, len(STAIRS) + 1)
     assert np.allclose(found, shown(run_plant(PAPER, STAIRS, 0.05), t), atol=2e-3)
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.5])
+def test_a_tip_mass_moves_the_first_resonance_and_nothing_at_rest(ratio: float) -> None:
+    model = load_model("beam")
+    heavy = model.with_block("tip_mass", frequency_ratio=ratio)
+    before, after = (
+        next(modes for block, modes in effective_settings(x) if block.id == "bending_modes") for x in (model, heavy)
+    )
+    assert after.frequency_factor == pytest.approx(ratio * before.frequency_factor)
+    stand = np.full(40, 30.0)
+    assert run_plant(heavy, stand, 0.25)[-1] == pytest.approx(run_plant(model, stand, 0.25)[-1], rel=1e-9)
+
+
+def test_a_sine_has_so_many_sub_steps_in_every_period() -> None:
+    block = BLOCKS["periodic_disturbance"]
+    sines = [block.parameters(sine_um=1.0, frequency_Hz=x) for x in (3.0, 7.0)]
+    bounds = [block.ringing_step_s(x, None) for x in sines]
+    assert bounds[0] * 3.0 == pytest.approx(bounds[1] * 7.0)
+    assert 20 < 1.0 / (7.0 * bounds[1]) < 100
 
 
 def test_backlash_loses_twice_its_half_width_at_a_reversal() -> None:
