@@ -235,6 +235,16 @@ def test_a_tip_mass_moves_the_first_resonance_and_nothing_at_rest(ratio: float) 
     assert run_plant(heavy, stand, 0.25)[-1] == pytest.approx(run_plant(model, stand, 0.25)[-1], rel=1e-9)
 
 
+@pytest.mark.parametrize("preload_um", [-3.0, 4.0])
+def test_a_preloaded_spring_rests_where_its_force_and_the_drive_agree(preload_um: float) -> None:
+    k = 2e-3
+    model = load_model("beam").with_block("bending_modes", count=1, shares="unity", damping_ratio=0.2)
+    stand = np.full(60, 8.0)
+    w = float(run_plant(model, stand, 0.25)[-1])
+    q = float(run_plant(model.with_block("stiffening", cubic_1_per_um2=k, preload_um=preload_um), stand, 0.25)[-1])
+    assert q + k * (q**3 + 3.0 * preload_um * q**2) == pytest.approx(w, rel=1e-6)
+
+
 def test_a_sine_has_so_many_sub_steps_in_every_period() -> None:
     block = BLOCKS["periodic_disturbance"]
     sines = [block.parameters(sine_um=1.0, frequency_Hz=x) for x in (3.0, 7.0)]
