@@ -50,6 +50,7 @@ EFFECT = Effect(
     resembles={
         "saturation": "A curve of the input, the same on both sides.",
         "output_curve": "Smooth over the whole range; nothing linear comes behind it.",
+        "end_stop": "Comes off the level as soon as the drive turns, however long it pushed on.",
         "asymmetric_gain": "Two slopes about zero input, not about a level of the output.",
         "fold": "Turns back beyond the level instead of standing still.",
         "output_dead_zone": "Stands still between two levels and follows beyond them.",
