@@ -153,8 +153,8 @@ def test_what_a_device_rests_at_is_a_stop_and_not_a_limit_of_its_reading() -> No
         place = min(max(per_V * u + (place - per_V * u) * kept, low), high)
     readings = np.array(read) + rng.normal(0.0, 0.3, volts.size)
     found = diagnose(None, [Record(step_s * np.arange(volts.size, dtype=np.float64), volts, readings)])
-    assert [x.id for x in found.findings.effects] == ["end_stop"]
+    assert [x.id for x in found.findings.effects] == ["output_limit"]
     numbers = {x.name: x.value for x in found.findings.effects[0].numbers}
-    assert numbers["highest_um"] == pytest.approx(high, rel=0.02)
-    assert numbers["lowest_um"] == pytest.approx(-low, rel=0.02)
+    assert numbers["level_um"] == pytest.approx(high, rel=0.02)
+    assert numbers["other_level_um"] == pytest.approx(-low, rel=0.02)
     assert numbers["time_constant_s"] == pytest.approx(tau_s, rel=0.03)

@@ -5,7 +5,7 @@ import pytest
 from bender_effects.catalogue import EFFECTS
 from bender_effects.effect import Sizes
 from bender_effects.form import Form
-from bender_plant.blocks import bearing_friction, end_stop, plant_lag
+from bender_plant.blocks import bearing_friction, output_limit, plant_lag
 from bender_plant.model import Model, ModelError, model_from_table
 
 SIZES = Sizes(10.0, 50.0, 60.0, 0.0, piezo_bender=False, highest_Hz=50.0)
@@ -43,14 +43,15 @@ def test_the_friction_of_a_place_takes_both_lags_and_keeps_the_shorter(lags: tup
     ("lags", "stopped_s", "left_s"), [((3.0, 0.2), 3.0, 0.2), ((0.2, 3.0), 3.0, 0.2), ((2.0, 0.0), 2.0, 0.0)]
 )
 def test_a_stop_takes_the_longest_lag(lags: tuple[float, float], stopped_s: float, left_s: float):
-    for form in forms("end_stop", "stop"):
+    for form in forms("output_limit", "stop"):
         values = tuple(7.0 for _ in form.free)
         found = form.apply(device(*lags), values)
         assert of(found, "plant_lag") == plant_lag.Parameters(left_s)
+        side = "below" if "below" in form.name else "above"
         sides = dict(zip([x.name for x in form.free], values, strict=True))
-        assert of(found, "end_stop") == end_stop.Parameters(stopped_s, **sides)
+        assert of(found, "output_limit") == output_limit.Parameters(side, time_constant_s=stopped_s, **sides)
 
 
 def test_no_stop_without_a_lag():
     with pytest.raises(ModelError, match="without a lag"):
-        forms("end_stop", "above")[0].apply(device(0.0, 0.0), (7.0,))
+        forms("output_limit", "stop above")[0].apply(device(0.0, 0.0), (7.0,))

@@ -13,6 +13,8 @@ from bender_plant.model import Model
 
 ROWS_OF_A_BRANCH = 500
 STILL = 0.1
+SLOW_S = 1e9
+"""Of a step along a branch: what lags has arrived."""
 """A free stretch is one in which the reading moves by less than this part of the steepest slopes on either side of it,
 and over which one of these slopes would have moved it by more than this part of its swing."""
 
@@ -72,7 +74,7 @@ def _slow_readings(model: Model, voltage_V: Array) -> Array:
         for block, constants, state in chain:
             beside = (last, 0.5 * (last + v), float(v)) if block.beside else ()
             assert block.step is not None
-            state[0], *course = block.step(state[0], constants, 0.0, 1.0, *course, *beside)
+            state[0], *course = block.step(state[0], constants, 0.0, SLOW_S, *course, *beside)
         readings[row], last = course[-1], float(v)
     return gain * readings
 

@@ -45,8 +45,7 @@ EFFECT = Effect(
     resembles={
         "saturation": "A curve of the input: the time constant stays.",
         "output_curve": "A curve of the reading: the time constant stays.",
-        "end_stop": "A level that is never passed, as the brim of a tank; below it the lag is a plain one.",
-        "output_limit": "A level that no reading passes; what is behind it goes on.",
+        "output_limit": "A level that is never passed, as the brim of a tank; below it the lag is a plain one.",
         "quadratic_drag": "A brake of a mode; the gain of slow motion stays.",
         "radiation_loss": "The opposite: gain and time constant fall with the level.",
     },

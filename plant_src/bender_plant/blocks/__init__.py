@@ -151,7 +151,6 @@ _IN_ORDER = (
     "radiation_loss",
     "speed_drag",
     "bearing_friction",
-    "end_stop",
     "tip_mass",
     "structural_damping",
     "stiffening",

@@ -72,7 +72,7 @@ def ferrite(rng: Generator) -> Respond:
 
 SLOW = (
     Machine("tanks", "outflow by the root of the level, a rim",
-            CURVE | {"square_root_outflow", "output_limit", "end_stop"},
+            CURVE | {"square_root_outflow", "output_limit"},
             frozenset({"rate_independent_hysteresis", "backlash", "dead_zone", "creep"}), 4.0, ("levels", "slow sines"),
             6.0, tanks, "mm", 3.5),
     Machine("oven", "transport of the air; radiation",
