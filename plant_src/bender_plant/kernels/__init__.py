@@ -11,5 +11,6 @@
 | `play` | the play of half-width r, F -> max(u - r, min(u + r, F)), along monotone stretches of its input |
 | `rounding` | rounding to the steps of a converter |
 | `state` | a state whose length follows from the parameters of a block |
+| `stop` | a lag between two stops: what moves rests there, and comes off as soon as the drive turns |
 | `vibration_mode` | one mode of vibration under a parabola |
 """
